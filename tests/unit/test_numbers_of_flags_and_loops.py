@@ -31,12 +31,12 @@ def flow(monkeypatch):
     def made(size, pattern=(1.0, -1.0)):
         counts, values = [], itertools.cycle(pattern)
 
-        def midpoint(along, x, scale, count):
+        def path(along, x, scale, count):
             counts.append(count)
-            return np.array([size * next(values)])
+            return [np.array([size * next(values)])] * 2
 
-        monkeypatch.setattr(flag_points, "_midpoint", midpoint)
-        _, error = flag_points._flow(None, np.zeros(1), np.ones(1))
+        monkeypatch.setattr(flag_points, "_path", path)
+        _, error = flag_points._flow(np.zeros_like, np.zeros(1), np.ones(1))
         return counts, error
 
     return made
@@ -88,7 +88,10 @@ def places(monkeypatch):
         monkeypatch.setattr(
             flag_points, "EvaluationPoint", lambda block, x, p, error=0.0: SimpleNamespace(x=x, error=error)
         )
-        return flag_points.ReachablePoints(block(**more), 2.0, math.inf)
+        points = flag_points.Points.__new__(flag_points.Points)
+        points._block, points._duration, points._deadline = block(**more), 2.0, math.inf
+        points._random = np.random.default_rng(0)
+        return points
 
     return made
 
@@ -102,25 +105,30 @@ def test_a_flow_is_made_shorter_eight_times_by_four(places, monkeypatch):
     assert scales == pytest.approx([0.1 / 4**k for k in range(8)])
 
 
-def test_a_flow_reaches_a_tenth_of_the_coordinates_and_a_hundredth_of_the_duration(places):
-    found = places(has_time=True, size=2)._ranges(Place(0.5))
-    assert found == pytest.approx([0.05, 0.02])
+def test_a_flow_reaches_a_tenth_of_the_coordinates_and_a_hundredth_of_the_duration(places, monkeypatch):
+    scales = []
+    monkeypatch.setattr(flag_points, "_flow", lambda along, x, scale: scales.append(scale) or (x, math.inf))
+    there = places(has_time=True, size=2)
+    monkeypatch.setattr(flag_points, "_projected", lambda A, u: np.ones(2))
+    there.from_point(Place(0.5))
+    assert scales[0] == pytest.approx([0.05, 0.02])
 
 
 def test_a_flow_is_looked_at_in_thirty_two_points(places, monkeypatch):
     counts = []
     monkeypatch.setattr(flag_points, "_path", lambda along, x, scale, count: counts.append(count))
-    there = places(pieces=SimpleNamespace(count=1))
-    assert there._leaves(None, Place(), np.ones(1))
-    assert counts == [32]
+    assert places(pieces=SimpleNamespace(count=1)).from_point(Place()) is None
+    assert set(counts) == {32}
 
 
-def test_two_flows_follow_each_other():
-    points = flag_points.Points.__new__(flag_points.Points)
-    points.start = SimpleNamespace(rows=SimpleNamespace(is_large=False))
-    points.visited = [points.start]
-    points._orbit = SimpleNamespace(from_point=lambda place: place)
-    assert len(points.flow()) == 1 + 2
+def test_two_flows_follow_each_other(places):
+    points = places(differential=[0])
+    point = SimpleNamespace(
+        rows=SimpleNamespace(is_large=False), all=SimpleNamespace(low=0), ranks=(0, 0), first=0
+    )
+    points.start, points.visited, points.from_point = point, [point], lambda place: place
+    assert points.generic() is point
+    assert len(points.visited) == 1 + 2
 
 
 @pytest.mark.parametrize(("value", "is_on"), [(3e-10, True), (3e-9, False)])

@@ -82,27 +82,33 @@ SEED = 20062
 class Points:
     """The start and other points of its orbit, as points of one block; `visited` that were met, the start first.
 
-    Raises `undecided.Undecided` where the rows are not finite at the start.
+    The duration of the run bounds how far time goes on. Raises `undecided.Undecided` where the rows are not finite at
+    the start.
     """
 
     def __init__(self, block: RowBlock, system: System, begin: State, deadline: float) -> None:
-        size = initial.size(begin.q)
-        self.has_switches, block = (
-            block.has_kinks,
-            block.on_branch(variables(block, begin), begin.p, doubles.ZERO * size),
+        x, size = (
+            np.append(begin.q[block.columns], [begin.t] if block.has_time else []),
+            initial.size(begin.q),
         )
-        self._block, self._begin = block, begin
-        self.start = EvaluationPoint(block, variables(block, begin), begin.p)
+        self.has_switches, block = block.has_kinks, block.on_branch(x, begin.p, doubles.ZERO * size)
+        self._block, self._begin, self._deadline = block, begin, deadline
+        self._duration = system.model.simulation.duration or 1.0
+        self._random = np.random.default_rng(SEED)
+        self.start = EvaluationPoint(block, x, begin.p)
         if not self.start.is_finite:
             raise spans.Undecided("the rows are not finite at the start")
         self.visited = [self.start]
-        self._orbit = ReachablePoints(block, system.model.simulation.duration or 1.0, deadline)
 
     def generic(self) -> EvaluationPoint:
         """The point with the highest ranks; among equals the last, which is no special choice of anyone."""
         count = len(self._block.holonomic) + len(self._block.differential)
         if self.start.all.low < count or self.start.first < len(self.start.differential):
-            self.flow()
+            for _ in range(1 if self.start.rows.is_large else PARAMETERS.flows):
+                there = self.from_point(self.visited[-1])
+                if there is None:
+                    break
+                self.visited.append(there)
         return max(enumerate(self.visited), key=lambda one: (*one[1].ranks, one[1].first, one[0]))[1]
 
     def both_sides_turn(self) -> bool:
@@ -121,16 +127,6 @@ class Points:
                 return False
         return True
 
-    def flow(self) -> list[EvaluationPoint]:
-        """The start, and points on its orbit as far as flows lead."""
-        count = 1 if self.start.rows.is_large else PARAMETERS.flows
-        while len(self.visited) <= count:
-            there = self._orbit.from_point(self.visited[-1])
-            if there is None:
-                break
-            self.visited.append(there)
-        return self.visited
-
     def state(self, point: EvaluationPoint) -> State:
         """The state of a point; coordinates that are none of the block stay where they are."""
         n = len(self._block.columns)
@@ -138,19 +134,6 @@ class Points:
         q[self._block.columns] = point.x[:n]
         t = float(point.x[n]) if self._block.has_time else self._begin.t
         return dataclasses.replace(self._begin, t=t, q=q)
-
-
-def variables(block: RowBlock, point: State) -> Floats:
-    """x (N,) of a state."""
-    return np.append(point.q[block.columns], [point.t] if block.has_time else [])
-
-
-class ReachablePoints:
-    """Points on the way from a start, of one block; duration: of the run, which bounds how far time goes on."""
-
-    def __init__(self, block: RowBlock, duration: float, deadline: float) -> None:
-        self._block, self._deadline, self._duration = block, deadline, duration
-        self._random = np.random.default_rng(SEED)
 
     def from_point(self, point: EvaluationPoint) -> EvaluationPoint | None:
         """The point at the end of a flow along a random field of the kernel of the rows, or None, as where their rank
@@ -161,9 +144,15 @@ class ReachablePoints:
         if point.all.value is None or point.surface.value is None:
             return None  # without a row that counts the flow would leave the orbit
         independent = point.independent
-        ranges = self._ranges(point)
+        # The range of each variable: as far as its kind is large, and angles less than one
+        n, kinds = len(self._block.columns), self._block.kinds
+        values = np.abs(point.x[:n])
+        of_kind = np.full(int(kinds.max(initial=0)) + 1, min(float(values.max(initial=0.0)) or 1.0, 1.0))
+        np.maximum.at(of_kind, kinds[:n], values)
+        ranges = np.full(self._block.size, PARAMETERS.later * self._duration)
+        ranges[:n] = PARAMETERS.step * of_kind[kinds[:n]]
         u = self._random.standard_normal(self._block.size)
-        size = initial.size(point.x[: len(self._block.columns)])
+        size = initial.size(point.x[:n])
 
         def along(x: Floats) -> Floats | None:
             A, _ = self._block.rows(x, point.p)
@@ -183,45 +172,24 @@ class ReachablePoints:
         for k in range(PARAMETERS.shorter):
             spans.require_time(self._deadline)
             scale = sign * ranges / largest / PARAMETERS.factor**k
-            if self._leaves(along, point, scale):
-                continue
+            if self._block.pieces.count:  # on each of which the rows are analytic
+                path = _path(along, point.x, scale, PARAMETERS.looks)
+                if path is None or self._block.pieces.end_between(np.array(path), point.p):
+                    continue
             x, error = _flow(along, point.x, scale)
+            if error > PARAMETERS.roughly or error >= best.error:
+                continue
             # What rounding alone has moved stands still: else a place that the rows keep to is left.
             x = np.where(np.abs(x - point.x) <= rounding * ranges, point.x, x)
-            there = (
-                met(self._block, x, point.p, size)
-                if error <= PARAMETERS.roughly and error < best.error
-                else None
-            )
+            there = met(self._block, x, point.p, size)
             if there is not None and there.is_finite:
                 best = EvaluationPoint(self._block, there.x, point.p, error)
             if best.error <= doubles.VALUE:
                 break
+        if best.error > PARAMETERS.roughly:
+            return None
         # The rounding of large terms may allow no more.
-        return (
-            EvaluationPoint(self._block, best.x, point.p, max(best.error, point.error))
-            if best.error <= PARAMETERS.roughly
-            else None
-        )
-
-    def _leaves(self, along: Field, point: EvaluationPoint, scale: Floats) -> bool:
-        """True if a flow may leave the piece of the point on which the rows are analytic."""
-        pieces = self._block.pieces
-        if not pieces.count:
-            return False
-        path = _path(along, point.x, scale, PARAMETERS.looks)
-        return path is None or pieces.end_between(np.array(path), point.p)
-
-    def _ranges(self, point: EvaluationPoint) -> Floats:
-        """The range of each variable (N,): as far as its kind is large, and angles less than one."""
-        n = len(self._block.columns)
-        found = np.full(self._block.size, PARAMETERS.later * self._duration)
-        values = np.abs(point.x[:n])
-        least = min(float(values.max(initial=0.0)) or 1.0, 1.0)
-        of_kind = np.full(int(self._block.kinds.max(initial=0)) + 1, least)
-        np.maximum.at(of_kind, self._block.kinds[:n], values)
-        found[:n] = PARAMETERS.step * of_kind[self._block.kinds[:n]]
-        return found
+        return EvaluationPoint(self._block, best.x, point.p, max(best.error, point.error))
 
 
 def _projected(A: Sparse, u: Floats) -> Floats:
@@ -242,10 +210,11 @@ def _flow(along: Field, x: Floats, scale: Floats) -> tuple[Floats, float]:
     table: list[Floats] = []
     error = math.inf
     for k, count in enumerate(PARAMETERS.substeps):
-        end = _midpoint(along, x, scale, count)
-        if end is None:
+        path = _path(along, x, scale, count)
+        slope = None if path is None else along(path[-1])
+        if path is None or slope is None:
             return x, math.inf
-        row = [end]
+        row = [0.5 * (path[-1] + path[-2] + scale * slope / count)]
         for j in range(1, k + 1):
             factor = (count / PARAMETERS.substeps[k - j]) ** 2
             row.append(row[-1] + (row[-1] - table[j - 1]) / (factor - 1.0))
@@ -255,12 +224,6 @@ def _flow(along: Field, x: Floats, scale: Floats) -> tuple[Floats, float]:
         if error <= doubles.VALUE or (k + 1 == PARAMETERS.few and error > PARAMETERS.hopeless):
             break
     return table[-1], error
-
-
-def _midpoint(along: Field, x: Floats, scale: Floats, count: int) -> Floats | None:
-    path = _path(along, x, scale, count)
-    slope = None if path is None else along(path[-1])
-    return None if path is None or slope is None else 0.5 * (path[-1] + path[-2] + scale * slope / count)
 
 
 def _path(along: Field, x: Floats, scale: Floats, count: int) -> list[Floats] | None:

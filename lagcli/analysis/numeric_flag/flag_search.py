@@ -20,7 +20,7 @@ from lagcli.analysis.numeric_flag import bracket_values, spans
 from lagcli.analysis.numeric_flag.bracket_values import BracketValues, Exact, Growth
 from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
 from lagcli.analysis.numeric_flag.flag_points import Points
-from lagcli.analysis.numeric_flag.spans import Limits, Span, unit
+from lagcli.analysis.numeric_flag.spans import Limits, unit
 from lagcli.compiled.row_block import RowBlock
 from lagcli.equations.system import System
 from lagcli.linear import decompositions
@@ -50,14 +50,13 @@ class NumericFlag:
 
     dimension: of the kernel D at generic points, over coordinates and, with `has_time`, time. extra: dimensions of I,
     I', ... beyond the df, to zero or to the first that repeats; growth: dim D grows by these in the growth vector, (0,
-    ...). inside (m,): which rows lie in I^(oo). combinations (k, m): a basis of the k combinations of rows that stay,
-    at the start, or where that is special at a generic point. contradiction: a multiple of dt lies in the rows.
+    ...). inside (m,): which rows lie in I^(oo). contradiction: a multiple of dt lies in the rows.
     special: ranks or growth at the start are not those nearby (None: brackets were too large to look there too).
     states: states of the orbit that were looked at, the start first; surface: the rank of the holonomic rows on it.
     on_piece: abs, min, max or sign switch in the rows, so that the flag is that of the start's side. digits: the
     precision of the proof; error: the largest value that counted as zero, least: the smallest that did not, both
-    relative to the size of the terms they are made of. Where not `is_certain`, `reason` says why, and of extra, growth,
-    inside and combinations what is not known is empty or None.
+    relative to the size of the terms they are made of. Where not `is_certain`, `reason` says why, and of extra, growth
+    and inside what is not known is empty.
     """
 
     rows: tuple[int, ...]
@@ -66,7 +65,6 @@ class NumericFlag:
     extra: tuple[int, ...] = ()
     growth: tuple[int, ...] = ()
     inside: tuple[bool, ...] = ()
-    combinations: Floats | None = None
     contradiction: bool = False
     special: bool | None = False
     states: tuple[State, ...] = ()
@@ -77,11 +75,6 @@ class NumericFlag:
     digits: int = 16
     error: float = 0.0
     least: float = math.inf
-
-    @property
-    def staying(self) -> int | None:
-        """The dimension of I^(oo) beyond the df: how many integrals the rows have on the surface."""
-        return None if self.combinations is None else int(self.combinations.shape[0])
 
 
 def flag(system: System, begin: State, rows: Sequence[int], deadline: float = math.inf) -> NumericFlag:
@@ -128,7 +121,6 @@ def _found(nothing: NumericFlag, points: Points, deadline: float) -> NumericFlag
             extra=(m, 0) if m else (0,),
             growth=(0, m) if m else (0,),
             inside=tuple(not any(weights) for weights in _weights(generic, exact)),
-            combinations=np.zeros((0, len(generic.block.differential))),
             special=known.special or start.first != m,
             least=float(generic.turning[m - 1]) if m else math.inf,
         )
@@ -156,7 +148,6 @@ def _searched(known: NumericFlag, start: EvaluationPoint, given: BracketValues) 
         known,
         growth=grown.ranks,
         inside=tuple(not grown.span.touches(w) for w in _weights(point, given.exact)),
-        combinations=_staying(grown.span, point),
         digits=given.digits,
         error=float(grown.span.error),
         least=float(grown.span.least),
@@ -168,8 +159,6 @@ def _searched(known: NumericFlag, start: EvaluationPoint, given: BracketValues) 
         if there is not None and there.ranks > grown.ranks:
             raise spans.Undecided("brackets have a lower rank at the point that was taken than at the start")
         result = dataclasses.replace(result, special=None if there is None else there.ranks != grown.ranks)
-        if there is not None and not result.special:
-            result = dataclasses.replace(result, combinations=_staying(there.span, start))
     try:
         extra, span = bracket_values.derived(given, grown)
     except spans.AmbiguousRank:
@@ -178,15 +167,6 @@ def _searched(known: NumericFlag, start: EvaluationPoint, given: BracketValues) 
         return dataclasses.replace(result, is_certain=False, reason=str(why))
     error, least = max(result.error, float(span.error)), min(result.least, float(span.least))
     return dataclasses.replace(result, extra=extra, error=error, least=least)
-
-
-def _staying(span: Span, point: EvaluationPoint) -> Floats:
-    """The combinations (k, m) of the differential rows that vanish on a span, the largest weight 1."""
-    found = np.zeros((span.count - span.rank, len(point.block.differential)))
-    for row, weights in zip(found, span.annihilators(), strict=True):
-        largest = max(map(abs, weights))
-        row[point.differential] = [float(a / largest) for a in weights]
-    return found
 
 
 def _weights(point: EvaluationPoint, exact: Exact | None) -> list[list[Decimal]]:

@@ -93,17 +93,6 @@ class Span:
                 return True
         return False
 
-    def annihilators(self) -> list[list[Decimal]]:
-        """A basis of the combinations (m,) that vanish on the span. Raises `undecided.AmbiguousRank`."""
-        found = []
-        for i in range(self.count):
-            if i not in self._vectors:
-                one = unit(self.count, i)
-                for index, vector in self._vectors.items():
-                    one[index] = NOTHING if self._is_zero(vector.relative[i]) else -vector.values[i]
-                found.append(one)
-        return found
-
     def _is_zero(self, relative: Decimal) -> bool:
         if relative <= self.limits.zero:
             self.error = max(self.error, relative)
