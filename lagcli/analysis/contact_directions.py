@@ -39,20 +39,8 @@ Floats = npt.NDArray[np.float64]
 Kind = Literal["free", "one-sided", "blocked"]
 
 
-class DirectionParameters:
-    """The directions beside contacts that depend on each other.
-
-    The test is of `tests/physics/test_displacements_with_contacts.py`.
-    """
-
-    __slots__ = ()
-
-    most_edges: int = 20_000
-    """Sets of contacts that are looked at for a ray along which just these stay closed.
-    `test_rays_of_some_thousand_sets_of_contacts_are_listed`."""
-
-
-PARAMETERS = DirectionParameters()
+# Sets of contacts that are looked at for a ray along which just these stay closed.
+MOST_EDGES = 20_000
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -288,7 +276,7 @@ def _rays(A: Floats) -> tuple[list[Floats], bool]:
     needed = A[numbers]
     if len(needed) == len(basis):
         return [ray / np.linalg.norm(ray) for ray in decompositions.pseudo_inverse(needed).T], True
-    if math.comb(len(needed), len(basis) - 1) > PARAMETERS.most_edges:
+    if math.comb(len(needed), len(basis) - 1) > MOST_EDGES:
         middle = least_distance.shortest(A, np.ones(len(A))).x
         return [middle / np.linalg.norm(middle)], False
     over = needed @ basis.T

@@ -32,10 +32,8 @@ RTOL, ATOL = 1e-12, 1e-14  # as tight as DOP853 goes: over a period errors grow
 TIMES, DECADES = 400, 3
 # Instants, in parts of a span, at which what comes back must do so; a return to the second of them is looked for.
 INSTANTS = (0.0173, 0.1379, 0.3813)
-# A return is one that comes this near, as a part of the way between: at 1e-8
-# `test_a_motion_is_periodic_where_it_comes_back_to_seven_digits` of `tests/unit/test_numbers_of_linear_equations.py`
-# fails.
-CLOSED = 1e-7
+# A return is one that comes this near, as a part of the way between.
+CLOSED = rank.PARAMETERS.small
 # Roundings of the time at which a return is found.
 REFINEMENTS = 60
 

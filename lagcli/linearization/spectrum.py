@@ -23,8 +23,6 @@ from lagcli.linearization.linearized import Linear
 Floats = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
-# Rows that are dependent, and their rates: what is left of them, as a part of their size.
-HIDDEN = 1e-8
 # Of the terms of an entry of K, in what is left of them.
 STIFFNESS_ROUNDOFF = 2e-13
 # The rounding of an eigenvalue is no more than this part of the largest, however ill-conditioned it is.
@@ -92,7 +90,7 @@ def freedoms(linear: Linear, terms: Floats) -> Freedoms:
         left = found.dependences @ D_Z
         # A size of frequencies, beside which D may be rounding
         rate = float(max(np.abs(C_Z).max(initial=0.0), np.abs(K_Z).max(initial=0.0) ** 0.5))
-        if np.abs(left).max(initial=0.0) > HIDDEN * max(np.abs(D_Z).max(initial=0.0), rate):
+        if np.abs(left).max(initial=0.0) > rank.PARAMETERS.small * max(np.abs(D_Z).max(initial=0.0), rate):
             raise NoFreedomsError(
                 "the differential rows are dependent there, and hold small deviations of positions to more than they"
                 " say"

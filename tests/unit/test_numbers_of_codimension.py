@@ -171,7 +171,7 @@ def barrier(decrement, falls=True):
 
 @pytest.mark.parametrize(
     ("decrement", "falls", "values"),
-    [(1.0, True, 1 + 50), (1.0, False, 1 + 40), (3e-4, True, 1), (3e-3, True, 51)],
+    [(1.0, True, 1 + 40), (1.0, False, 1 + 30), (3e-4, True, 1), (3e-3, True, 41)],
 )
 def test_newton_steps_to_the_minimum_of_the_barrier(decrement, falls, values, monkeypatch):
     value, calls = barrier(decrement, falls)

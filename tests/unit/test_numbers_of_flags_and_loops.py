@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from lagcli import doubles
 from lagcli.analysis.holonomy import controlled_paths, local_system, loop_words, witness, witness_search
 from lagcli.analysis.holonomy.loop_words import Goal
 from lagcli.analysis.holonomy.witness import LoopTrial
@@ -621,7 +622,7 @@ def test_an_orbit_is_explored_where_four_in_five_paths_come_back(lost, is_explor
     assert explored(monkeypatch, 1.0, lost)[0] is is_explored
 
 
-def test_fields_are_carried_back_from_a_ten_thousandth_on_both_sides(monkeypatch):
+def test_fields_are_carried_back_from_the_step_of_a_quotient_on_both_sides(monkeypatch):
     begins = []
 
     def ends(frame, points, out, steps):
@@ -631,7 +632,7 @@ def test_fields_are_carried_back_from_a_ten_thousandth_on_both_sides(monkeypatch
     monkeypatch.setattr(controlled_paths, "ends", ends)
     monkeypatch.setattr(controlled_paths, "velocity", lambda frame, far, u: np.ones(far.shape))
     controlled_paths._returned(None, np.zeros(2), np.zeros((3, 1, 2)), np.eye(1, 2), 1.0, 2)
-    assert [float(points.max()) for points in begins[1:]] == pytest.approx([1e-4, -1e-4])
+    assert [float(points.max()) for points in begins[1:]] == pytest.approx([doubles.STEP, -doubles.STEP])
 
 
 # The units of a part, and brackets of fields

@@ -35,29 +35,22 @@ class ManifoldParameters:
 
     __slots__ = ()
 
-    walks: int = 3
-    """Walks over the surface at the start's time. `test_three_walks_of_three_steps_are_made_over_a_manifold`."""
     steps: int = 3
-    """Steps of each. `test_three_walks_of_three_steps_are_made_over_a_manifold`."""
+    """So many walks are made over the surface at the start's time, and so many steps in each walk.
+    `test_three_walks_of_three_steps_are_made_over_a_manifold`."""
     step: float = 0.5
     """The first try of a step. `test_a_step_over_a_manifold_is_a_half_at_first`."""
-    roundings: int = 64
-    """Roundings of the coordinates that a value may hold. `test_values_may_hold_some_roundings`."""
     written: float = 100.0
     """By which factor values may be larger than those at the begin.
     `test_a_start_in_decimals_leaves_more_than_rounding`."""
-    far: tuple[float, ...] = (1e1, 1e2, 1e3, 1e4)
-    """Far steps where the manifold is as flat: what is small over a unit is not over many.
+    decades: int = 4
+    """Of far steps, 10, 100, ..., where the manifold is as flat: what is small over a unit is not over many.
     `test_a_row_that_follows_does_so_far_along_a_straight_line`."""
     branch_points: int = 16
     """Points sought. `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes`."""
-    branch_walks: int = 4
-    """Those of them that are reached by walks of several steps.
-    `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes`."""
-    branch_steps: int = 3
-    """Steps of these. `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes`."""
     closer: int = 4
-    """Steps are 1, 1/2, ... of it by turns, in so many sizes: a branch that bends away is seen close by only.
+    """Steps have so many sizes by turns, each half of the one before, and the first of each size is a walk: a branch
+    that bends away is seen close by only.
     `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes`."""
 
 
@@ -115,7 +108,7 @@ class Manifold:
         """True if all equations vanish at a point, but for rounding and for what they are off at the begin."""
         look = self.look(z, t)
         most = min(doubles.VALUE + PARAMETERS.written * max(off, look.left), doubles.ZERO)
-        limit = most + PARAMETERS.roundings * self.rounding
+        limit = most + surface.PARAMETERS.roundings * self.rounding
         return bool(np.abs(look.F).max(initial=0.0) <= limit) and limit < rank.PARAMETERS.small
 
     def fails_far(self, z: Floats, t: float, direction: Floats) -> bool:
@@ -124,14 +117,14 @@ class Manifold:
         largest = float(np.abs(along).max(initial=0.0))
         if largest <= rank.PARAMETERS.large:
             return False
-        for size in PARAMETERS.far:
+        for size in (10.0**k for k in range(1, PARAMETERS.decades + 1)):
             point = z + size * along / largest
             there = self.reached(point, t)
             if there is None or np.abs(there - point).max() > PARAMETERS.step:
                 return False  # it is curved: what Newton's method finds may be another branch
             look = self.look(there, t)
             distance = np.abs(look.F) / np.maximum(look.lengths, 1.0)
-            if distance.max(initial=0.0) > doubles.ZERO + PARAMETERS.roundings * size * self.rounding:
+            if distance.max(initial=0.0) > doubles.ZERO + surface.PARAMETERS.roundings * size * self.rounding:
                 return True
         return False
 
@@ -168,7 +161,7 @@ def satisfies_all(found: Manifold, z: Floats, t: float, times: Sequence[float]) 
     off = float(np.abs(found.look(z, t).F).max(initial=0.0))
     if found.fails_far(z, t, random.standard_normal(z.size)):
         return False
-    for time in (*([t] * PARAMETERS.walks), *times):
+    for time in (*([t] * PARAMETERS.steps), *times):
         here = found.reached(z, time)
         if here is None or not found.holds_all(here, time, off):
             return False
@@ -222,7 +215,7 @@ def codimensions(part: ScaledPart, times: Sequence[float]) -> set[int | None]:
         z = part.begin
         t = times[point % len(times)] if times else part.state.t
         size = projection.PARAMETERS.step / 2 ** (point % PARAMETERS.closer)
-        for _ in range(PARAMETERS.branch_steps if point < PARAMETERS.branch_walks else 1):
+        for _ in range(PARAMETERS.steps if point < PARAMETERS.closer else 1):
             # A random step along the kernel of B, and back to the surface.
             tangent = rank.null_basis(decompositions.unit(part.at(z, t)[1]))
             direction = tangent @ random.standard_normal(tangent.shape[1])

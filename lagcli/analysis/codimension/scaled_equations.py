@@ -15,7 +15,7 @@ import numpy.typing as npt
 from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
-from lagcli.linear import metric_rows, rank
+from lagcli.linear import metric_rows, rank, surface
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.start import initial
 from lagcli.start.initial import State
@@ -26,10 +26,7 @@ IndexArray = npt.NDArray[np.intp]
 
 
 class ScalingParameters:
-    """The units of a part, and its smoothness.
-
-    The tests are of `tests/unit/test_analysis_thresholds.py` and `tests/unit/test_numbers_of_codimension.py`.
-    """
+    """The units of a part; the tests are of `tests/unit/test_numbers_of_codimension.py`."""
 
     __slots__ = ()
 
@@ -39,11 +36,6 @@ class ScalingParameters:
     equilibrations: int = 10
     """Rounds that make generalized coordinates move the rows alike.
     `test_coordinates_are_measured_alike_after_ten_rounds`."""
-    bent: float = 1e-3
-    """It changes by second derivatives but for this part of them. `test_a_gradient_that_jumps_is_not_smooth`."""
-    roundings: int = 64
-    """And but for so many roundings of the coordinates.
-    `test_a_gradient_jumps_by_more_than_roundings_of_the_coordinates`."""
 
 
 PARAMETERS = ScalingParameters()
@@ -209,10 +201,8 @@ def is_smooth(part: ScaledPart) -> bool:
     one, other, values = part.hessian_entries(z, t, mixed)
     bend = np.bincount(one, values * direction[other], minlength=direction.size)
     here = part.entries_at(z, t)[1].combined(mixed)
-    limit = (
-        doubles.ROOT * PARAMETERS.bent * max(1.0, float(np.abs(values).max(initial=0.0)))
-        + PARAMETERS.roundings * part.rounding
-    )
+    largest = max(1.0, float(np.abs(values).max(initial=0.0)))
+    limit = doubles.ZERO * largest + surface.PARAMETERS.roundings * part.rounding
     for side in (-doubles.ROOT, doubles.ROOT):
         change = part.entries_at(z + side * direction, t)[1].combined(mixed) - here
         if not np.abs(change - side * bend).max(initial=0.0) <= limit:  # nan neither

@@ -24,7 +24,7 @@ import numpy.typing as npt
 from lagcli import doubles
 from lagcli.analysis.codimension import manifold
 from lagcli.analysis.codimension.scaled_equations import ScaledPart
-from lagcli.linear import rank
+from lagcli.linear import rank, surface
 
 Floats = npt.NDArray[np.float64]
 
@@ -45,12 +45,8 @@ class SecondOrderParameters:
     sufficient: float = 0.3
     """An eigenvalue that is known to this part of itself is known well enough.
     `test_a_combination_is_known_to_a_third_of_its_least_eigenvalue`."""
-    newton_steps: int = 50
-    """To the minimum of the barrier at one weight. `test_newton_steps_to_the_minimum_of_the_barrier`."""
     decrement: float = 1e-3
     """Newton's steps end where the barrier would fall by less. `test_newton_steps_to_the_minimum_of_the_barrier`."""
-    halvings: int = 40
-    """Of one of these steps. `test_newton_steps_to_the_minimum_of_the_barrier`."""
 
 
 PARAMETERS = SecondOrderParameters()
@@ -105,7 +101,7 @@ def dimension(part: ScaledPart, count: int, times: Sequence[float]) -> int | Non
     # The start is on the manifold, in its coordinates.
     F, J = deflated.at(begin, t)
     there = found.reached(begin - rank.space(J, is_whole=False).step(F), t)
-    off = doubles.SUM + manifold.PARAMETERS.roundings * part.rounding
+    off = doubles.SUM + surface.PARAMETERS.roundings * part.rounding
     if there is None or np.abs((there - begin)[: len(part.coordinates)]).max(initial=0.0) > off:
         return None
     return kernel if manifold.satisfies_all(found, begin, t, times) else None
@@ -168,13 +164,13 @@ def _centered(matrices: Floats, x: Floats, weight: float) -> Floats:
     """The minimum of the barrier, from a point inside."""
     here = _barrier(matrices, x, weight)
     assert here is not None
-    for _ in range(PARAMETERS.newton_steps):
+    for _ in range(surface.PARAMETERS.newton_steps):
         step = -np.linalg.solve(here.hessian, here.gradient)
         decrement = -float(step @ here.gradient)
         if decrement < PARAMETERS.decrement:
             break
         factor = 1.0
-        for _ in range(PARAMETERS.halvings):
+        for _ in range(surface.PARAMETERS.most_halvings):
             there = _barrier(matrices, x + factor * step, weight)
             if there is not None and there.value <= here.value - 0.25 * factor * decrement:
                 break

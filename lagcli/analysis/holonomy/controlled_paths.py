@@ -181,10 +181,8 @@ class PathOrbitParameters:
     steps: int = 2
     """Steps of a piece, which are doubled to see the error.
     `test_an_orbit_is_explored_by_forty_paths_of_three_pieces`."""
-    offset: float = 1e-4
-    """Of a difference quotient. `test_fields_are_carried_back_from_a_ten_thousandth_on_both_sides`."""
-    seen: float = 1e-5
-    """Directions of this part are none: above the error of the quotient, the square of its step.
+    seen: float = doubles.STEP
+    """Directions of this part are none: far above the error of a difference quotient.
     `test_a_direction_of_an_orbit_is_seen_to_five_digits`."""
 
 
@@ -274,7 +272,7 @@ def _returned(
 ) -> Floats:
     """The fields of `control` (m, .) carried back along each path `out` (N, S, .), (N m, k + 1), some not finite."""
     far = ends(frame, point, out, steps)
-    back, offset = -out[:, ::-1], PARAMETERS.offset * size
+    back, offset = -out[:, ::-1], doubles.STEP * size
     shifted_ends = []
     for sign in (1.0, -1.0):
         with np.errstate(all="ignore"):

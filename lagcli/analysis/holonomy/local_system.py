@@ -25,24 +25,8 @@ Numbers = npt.NDArray[np.int64]
 
 LARGEST = 60  # coordinates of a part; what is further away rests
 TOUCHED = 200_000  # entries of B evaluated in one call
-PERIOD = 2 * np.pi  # of an angle
 # Points beside the start; the same in every run.
 SAMPLES, SEED = 5, 1909
-
-
-class UnitParameters:
-    """The units of the coordinates of a part.
-
-    The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`.
-    """
-
-    __slots__ = ()
-
-    steepest: float = 1e5
-    """Units lie between 1 over this and this. `test_units_of_a_part_are_within_five_digits_of_one`."""
-
-
-PARAMETERS = UnitParameters()
 
 
 class LoopTimeUpError(Exception):
@@ -80,7 +64,7 @@ class LocalPart:
         """The units (k + 1,) in which points are counted, powers of ten.
 
         Over about one unit of a coordinate the rows turn; without this a link of 1 cm and an angle in one row
-        could not move together.
+        could not move together. Units below the step of the quotient that shows it, or above its inverse, are one.
         """
         q = np.append(self.state.q[self.coordinates], self.state.t)
         shifts = doubles.STEP * np.eye(self.k + 1)[:-1]
@@ -90,7 +74,7 @@ class LocalPart:
             lengths = np.linalg.norm(here, axis=1) / np.linalg.norm(turned, axis=2)
             lengths[~np.isfinite(lengths) | (lengths == 0)] = np.inf
             shortest = lengths.min(axis=1, initial=np.inf)
-        shortest[~((shortest > 1 / PARAMETERS.steepest) & (shortest < PARAMETERS.steepest))] = 1.0
+        shortest[~((shortest > doubles.STEP) & (shortest < 1 / doubles.STEP))] = 1.0
         return np.append(10.0 ** np.rint(np.log10(shortest)), 1.0)
 
     @cached_property
@@ -156,7 +140,7 @@ class LocalPart:
         found = np.zeros(self.k, dtype=bool)
         for i in range(self.k):
             whole, part = Z.copy(), Z.copy()
-            whole[:, i] += PERIOD / self.scale[i]
+            whole[:, i] += math.tau / self.scale[i]
             part[:, i] += 1.0 / self.scale[i]
             with np.errstate(invalid="ignore"):
                 same = np.allclose(self.forms(whole), here, rtol=1e-9, atol=1e-9)

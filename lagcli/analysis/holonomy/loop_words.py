@@ -54,8 +54,8 @@ class LoopWordParameters:
     at_random: int = 12
     """Trials where all combinations would be too many.
     `test_trial_lengths_are_halves_and_wholes_or_twelve_at_random`."""
-    halves: tuple[float, ...] = (1.0, 2.0, -1.0, -2.0)
-    """Lengths of trials, in units of the coordinates.
+    halves: tuple[int, ...] = (1, 2, -1, -2)
+    """Lengths of trials, whole numbers of units of the coordinates.
     `test_trial_lengths_are_halves_and_wholes_or_twelve_at_random`."""
 
 

@@ -61,7 +61,7 @@ class FlowParameters:
     substeps: tuple[int, ...] = (2, 4, 6, 8, 10, 12, 14, 16)
     """Substeps of the midpoint rule that are extrapolated.
     `test_a_flow_is_extrapolated_from_eight_numbers_of_substeps`."""
-    roughly: float = 1e-5
+    roughly: float = doubles.STEP
     """A flow that has come no closer than this is none. `test_a_flow_ends_somewhere_to_five_digits`."""
     flows: int = 2
     """One after the other, each from the point before; of many rows one, which takes long.
