@@ -205,10 +205,8 @@ def forces(model: Model, table: Table) -> Floats | None:
     index, own = laws.index, laws.index.first_generalized
     with np.errstate(all="ignore"):
         values = laws.values(t, q, v, np.zeros((len(t), laws.C)))
-    found = values.F.copy()
-    found[:, index.cartesian] -= values.V_q[:, :own].reshape(len(found), -1, 3)
-    found[:, index.dependent] -= values.V_x.reshape(len(found), -1, 3)
-    return np.nan_to_num(found, posinf=0.0, neginf=0.0)
+    found = index.together(values.F_q - values.V_q[:, :own], values.force_x)
+    return np.nan_to_num(found.reshape(len(t), -1, 3), posinf=0.0, neginf=0.0)
 
 
 def positions(model: Model, t: Floats, q: Floats) -> Floats:

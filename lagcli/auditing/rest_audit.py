@@ -156,10 +156,9 @@ def _point(laws: ModelLaws, q: Array, lam: Array) -> _Point:
         (y[0] - 8 * y[1] + 8 * y[2] - y[3]) / (12 * h)
         for y in ([each.u for each in at], [each.L_v for each in at])
     )
-    inertial = np.repeat(index.masses[index.dependent], 3) * rate_u
-    F_x = values.F[:, index.dependent].reshape(len(q), -1) - values.V_x
+    inertial, F_x = index.masses_x * rate_u, values.force_x
     direct = np.zeros(q.shape)
-    direct[:, : index.first_generalized] = values.F[:, index.cartesian].reshape(len(q), -1)
+    direct[:, : index.first_generalized] = values.F_q
     terms = [direct, values.Q, -values.V_q, values.L_q, values.pull]
     if index.dependent.size:
         terms.append(laws.pushed(t, q, still, F_x + values.L_x - inertial))

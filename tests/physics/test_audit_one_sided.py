@@ -340,3 +340,19 @@ simulation: {duration: 0.6, samples: 121}
             model, AuditedTable(tuple(run.columns), rows, (), events), Tolerance(1e-9, 1e-12)
         )
         assert found.passed, (late, fails(found))
+
+
+def test_a_contact_beside_a_particle_that_time_alone_moves_is_judged() -> None:
+    model = lagcli.loads("""lagcli: 1
+particles:
+  a: {mass: 1, position: [0, 0, 1]}
+  b: {mass: 1, position: ["sin(t)", 0, 0]}
+holonomic: {plane: a.y = 0}
+inequality: {floor: {condition: "a.z >= 0.5", restitution: 0.4}}
+forces: {weight: {to: all, force: [0, 0, -9.81*m]}}
+simulation: {duration: 1, samples: 41}
+""")
+    run = lagcli.simulate(model)
+    found = lagcli.audit(model, run, events=run.events)
+    assert found.passed, fails(found)
+    assert found.check("accelerations").verdict == "pass"

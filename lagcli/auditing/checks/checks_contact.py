@@ -111,8 +111,8 @@ def _pressed(e: Evidence, s: ContactStates) -> Check:
     residual, limit, judged = np.zeros(s.g.shape), np.ones(s.g.shape), np.ones(s.g.shape, dtype=bool)
     if at.size:
         r = e.record.part(at)
-        total = e.particle_forces[at].reshape(len(at), -1) + r.R_q
-        noise = e.particle_noise[at].reshape(len(at), -1) + e.recorded(r.R_q)
+        total = (e.values.F_q - e.values.V_q)[at] + r.R_q
+        noise = e.force_noise[0][at] + e.recorded(r.R_q)
 
         def second(q: Array, v: Array, force: Array, later: float = 0.0) -> Array:
             return laws.demanded(r.t + later, q, v, force / e.masses)[:, laws.s - own : laws.s]

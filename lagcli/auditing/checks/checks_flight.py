@@ -257,7 +257,7 @@ class _FreeMotion:
         """a (P, n); no numbers where rows depend on each other, or almost, and multipliers need not tell the motion."""
         e, laws = self._e, self.laws
         values = e.laws.values(r.t, r.q, r.v, np.zeros((len(r.t), e.laws.C)))
-        a = laws.forces_on_coordinates(values) / e.masses
+        a: Array = values.force_q() / e.masses
         if not laws.C:
             return a
         demanded = laws.demanded(r.t, r.q, r.v, a)

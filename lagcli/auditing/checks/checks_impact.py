@@ -331,7 +331,7 @@ def balance(e: Evidence) -> list[Check]:
     impact, values = e.once(impact_evidence), e.values
     if impact is None or not len(impact.incidents.t):
         return []
-    if any(np.any(part) for part in (values.F, values.Q, values.V_t, values.L_t, values.x_t)):
+    if any(np.any(part) for part in (values.F_q, values.F_x, values.Q, values.V_t, values.L_t, values.x_t)):
         return []
     incidents, E = impact.incidents, e.once(checks_motion.energies).E
     # Nothing but impacts may change T + V: contacts that move may be struck, but never rest

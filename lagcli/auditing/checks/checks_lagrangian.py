@@ -102,12 +102,11 @@ def _judged(law: CheckedLaw, varied: Sequence[tuple[Window, Array, tuple[float, 
 def _variation(window: Window, w: Array) -> tuple[float, float, bool]:
     """The integral, its limit, and whether it can be judged."""
     e, r, rows = window.e, window.record, window.rows
-    V, index = e.values, e.laws.index
+    V = e.values
     dq = window.path(w)
     dx = e.laws.displaced(r.t, r.q, r.v, dq)
     dv, du = (window.grid.derivative(y, np.zeros(1)) for y in (dq, dx))
-    force_q = e.laws.forces_on_coordinates(V)[rows]
-    force_x = V.L_x[rows] + e.particle_forces[rows][:, index.dependent].reshape(len(r.t), -1)
+    force_q, force_x = V.force_q()[rows], V.L_x[rows] + V.force_x[rows]
     p_q = e.masses * r.v + V.L_v[rows]
     p_x = e.masses_x * r.u + V.L_u[rows]
     terms = [(force_q, dq), (force_x, dx), (p_q, dv.value), (p_x, du.value)]
@@ -133,7 +132,7 @@ def _variation(window: Window, w: Array) -> tuple[float, float, bool]:
 def action(e: Evidence) -> list[Check]:
     """The slope of S(eps) at 0, where all rows are holonomic and all forces have potentials."""
     laws = e.laws
-    if laws.s < laws.C or np.any(e.values.F) or np.any(e.values.Q) or laws.index.n > 60:
+    if laws.s < laws.C or any(map(np.any, (e.values.F_q, e.values.F_x, e.values.Q))) or laws.index.n > 60:
         return []
     varied = [(window, w, _slope(window, w)) for window in e.once(windows)[:1] for w in window.basis[:3]]
     known = [(window, w, answer) for window, w, answer in varied if answer is not None]
@@ -235,14 +234,13 @@ def symmetries(e: Evidence) -> list[Symmetry]:
 def momenta(e: Evidence) -> list[Check]:
     """J against the impulse of constraints and other forces, of every symmetry that is found; what it does is reported
     of the whole of a run."""
-    r, values, index = e.record, e.values, e.laws.index
-    own, rows = index.first_generalized, len(r.t)
+    r, values, rows = e.record, e.values, len(e.record.t)
     p = e.masses * r.v + values.L_v + e.pushed(e.masses_x * r.u + values.L_u)
     p_off = SAFETY * e.masses * e.off_v + e.noise("L_v")
     p_off = p_off + e.pushed_limit(e.masses_x * e.recorded(np.abs(r.u).max(initial=0.0)) + 0 * r.u)
     force = values.Q.copy()
-    force[:, :own] += values.F[:, index.cartesian].reshape(rows, -1)
-    force = force + e.pushed(values.F[:, index.dependent].reshape(rows, -1))
+    force[:, : values.F_q.shape[1]] += values.F_q
+    force = force + e.pushed(values.F_x)
     unknown = e.grid.integral(r.R_q + force, np.full(r.q.shape[1], np.inf)).truncation
     names, residuals, limits, judged, words = [], [], [], [], []
     for symmetry in symmetries(e):

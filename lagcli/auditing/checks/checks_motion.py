@@ -49,9 +49,8 @@ def path(e: Evidence) -> list[Check]:
 
 def impulse(e: Evidence) -> list[Check]:
     """Momenta against the integrals of forces and reactions; of coordinates that carry no dependent particles."""
-    r, values, index = e.record, e.values, e.laws.index
-    own, force = index.first_generalized, e.total_force
-    force_x = r.R_x + e.particle_forces[:, index.dependent].reshape(len(r.t), -1)
+    r, values, own, force = e.record, e.values, e.laws.index.first_generalized, e.total_force
+    force_x = r.R_x + values.force_x
     p = e.masses * r.v + values.L_v
     off = SAFETY * e.masses * e.off_v + e.noise("L_v").max(axis=0, initial=0.0)
     if r.x.size:  # their inertia belongs to the coordinates
@@ -105,21 +104,20 @@ class ForceBalance(NamedTuple):
 
 def force_balance(e: Evidence) -> ForceBalance:
     """m a - F from the recorded velocities; of generalized coordinates d/dt dL/dq' - dL/dq - Q (D.34)."""
-    r, values, index, m_x = e.record, e.values, e.laws.index, e.masses_x
-    rows, own, noise = len(r.t), index.first_generalized, e.particle_noise
+    r, values, own, m_x = e.record, e.values, e.laws.index.first_generalized, e.masses_x
+    noise, noise_x = e.force_noise
     a, (rate, rate_x) = e.grid.derivative(r.v, SAFETY * e.off_v), e.momentum_rate
-    force = e.laws.forces_on_coordinates(values)
+    force, force_x = values.force_q(), values.force_x
     inertia = e.masses * a.value + rate.value - force
     limit = e.masses * a.noise + rate.noise + e.noise("Q") + e.noise("L_q") + e.noise("V_q")
-    limit[:, :own] += noise[:, index.cartesian].reshape(rows, -1)
+    limit[:, :own] += noise
     truncation = np.where(e.masses > 0, e.masses * a.truncation, 0.0)
     truncation = truncation + np.where(np.abs(values.L_v).max(axis=0) > 0, rate.truncation, 0.0)
     truncation = truncation + e.grid.roughness(e.masses * r.v + values.L_v, force + r.R_q)
     size = np.maximum(np.abs(e.masses * a.value), np.abs(force))
     a_x = e.grid.derivative(r.u, SAFETY * e.off_x + e.noise("u"))
-    force_x = e.particle_forces[:, index.dependent].reshape(r.u.shape)
     inertia_x = m_x * a_x.value - force_x
-    limit_x = m_x * a_x.noise + noise[:, index.dependent].reshape(r.u.shape)
+    limit_x = m_x * a_x.noise + noise_x
     truncation_x = m_x * a_x.truncation + e.grid.roughness(m_x * r.u, force_x + r.R_x)
     size_x = np.maximum(np.abs(m_x * a_x.value), np.abs(force_x))
     if r.x.size:
@@ -178,7 +176,7 @@ class Energies(NamedTuple):
 
 def energies(e: Evidence) -> Energies:
     """Energy and work along the motion, by the recorded v and R."""
-    r, values, index = e.record, e.values, e.laws.index
+    r, values = e.record, e.values
 
     def total(v: Array, u: Array, at: LawValues) -> Array:
         T = (e.masses * v**2).sum(axis=1) / 2 + (e.masses_x * u**2).sum(axis=1) / 2
@@ -187,10 +185,8 @@ def energies(e: Evidence) -> Energies:
     E = total(r.v, r.u, values)
     E_moved = total(e.moved[1], e.moved_values.u, e.moved_values)
     rows = len(r.t)
-    F = values.F
     constraint = (r.R_q * r.v).sum(axis=1) + (r.R_x * values.x_t).sum(axis=1)
-    other = (F[:, index.cartesian].reshape(rows, -1) * r.v[:, : index.first_generalized]).sum(axis=1)
-    other = other + (F[:, index.dependent].reshape(rows, -1) * r.u).sum(axis=1)
+    other = (values.F_q * r.v[:, : values.F_q.shape[1]]).sum(axis=1) + (values.F_x * r.u).sum(axis=1)
     other = other + (values.Q * r.v).sum(axis=1) + values.V_t - values.L_t
     size = np.abs(r.R_q * r.v).sum(axis=1) + np.abs(r.R_x * values.x_t).sum(axis=1) + np.abs(other)
     power = np.stack([constraint + other, constraint, size], axis=1)

@@ -65,9 +65,9 @@ def demand(e: Evidence) -> list[Check]:
         return []
 
     def second(q: Array, v: Array, forces: Array, later: float = 0.0) -> Array:
-        return laws.demanded(r.t + later, q, v, (forces.reshape(len(q), -1) + r.R_q) / e.masses)
+        return laws.demanded(r.t + later, q, v, (forces + r.R_q) / e.masses)
 
-    forces = e.particle_forces[rows]
+    forces = (e.values.F_q - e.values.V_q)[rows]
     rates = second(r.q, r.v, forces)
     limit = e.spread(rates, second(e.moved[0][rows], e.moved[1][rows], forces)) + e.tolerance.atol
     # What bends at the time itself has the state after it where it is a contact; of an equation it is one in between.
@@ -77,7 +77,7 @@ def demand(e: Evidence) -> list[Check]:
     nearest = np.take_along_axis(sides, least[None], axis=0)[0]
     rates = np.where(bends & ~np.isin(laws.rows, laws.contacts), 0.0, nearest)
     # F is known to its own noise, R to that of B^T lambda.
-    off = e.particle_noise[rows].reshape(len(r.t), -1) + e.reaction_limit[rows]
+    off = e.force_noise[0][rows] + e.reaction_limit[rows]
     off = off + e.recorded(np.abs(r.R_q).max(axis=1, initial=0.0))[:, None]
     limit = limit + np.einsum("mcn,mn->mc", np.abs(e.displacements.B), off / e.masses)
     known = ~np.any(np.isnan(r.lam), axis=1, keepdims=True)
@@ -140,7 +140,7 @@ def carried(e: Evidence) -> list[Check]:
     residual = carriers - acting - r.R_q[:, own:]
     moved = e.laws.pushed(r.t, *e.moved, r.R_x)
     # R of dependent particles is known to its rounding, and as F is
-    size, noise = np.abs(r.R_x), e.particle_noise[:, e.laws.index.dependent].reshape(r.R_x.shape)
+    size, noise = np.abs(r.R_x), e.force_noise[1]
     noise = e.recorded(size + size.max(axis=0, initial=0.0)) + noise
     limit = e.spread(e.pushed(r.R_x), moved)[:, own:] + e.pushed_limit(noise)[:, own:]
     limit += (e.noise("V_q") + e.noise("Q") + e.noise("L_q") + rate.noise)[:, own:] + e.tolerance.atol
@@ -184,22 +184,14 @@ def columns(e: Evidence) -> list[Check]:
 
 def _results(laws: ModelLaws, values: LawValues, lam: Array, R_q: Array, R_x: Array) -> Results:
     """The results at rows with reactions on coordinates and on dependent particles: a_k = (F_k + R_k)/m_k (D.23)."""
-    index, rows = laws.index, len(R_q)
-
-    def of_all(own: Array, dependent: Array) -> Array:
-        components = np.zeros((rows, 3 * len(index.particles)))
-        for numbers, part in ((index.cartesian, own), (index.dependent, dependent)):
-            places = (3 * numbers[:, None] + np.arange(3)).ravel()
-            components[:, places] = part[:, : places.size]
-        return components
-
-    force = of_all(R_q - values.V_q + values.L_q, R_x - values.V_x) + values.F.reshape(rows, -1)
-    moving = np.zeros(3 * len(index.particles), dtype=bool)
-    moving[(3 * index.cartesian[:, None] + np.arange(3)).ravel()] = np.any(
-        values.L_v[:, : index.first_generalized]
-    )
+    index, own = laws.index, laws.index.first_generalized
+    force = index.together(R_q - values.V_q + values.L_q, R_x - values.V_x)
+    force += index.together(values.F_q, values.F_x)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return lam, of_all(R_q, R_x), np.where(moving, np.nan, force / np.repeat(index.masses, 3))
+        a = force / np.repeat(index.masses, 3)
+    if np.any(values.L_v[:, :own]):
+        a[:, np.repeat(~index.is_dependent, 3)] = np.nan
+    return lam, index.together(R_q, R_x), a
 
 
 def _evaluated(laws: ModelLaws, t: Array, q: Array, v: Array, results: Results) -> tuple[Array, list[bool]]:

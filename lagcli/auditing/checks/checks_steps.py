@@ -92,7 +92,7 @@ def quantities(e: Evidence) -> list[Quantity]:
     r, index, own, m_x = e.record, e.laws.index, e.laws.index.first_generalized, e.masses_x
     coarse, coarse_x = e.once(RowSpacing).is_coarse
     noise = e.noise("Q") + e.noise("L_q") + e.noise("V_q") + e.reaction_limit
-    noise[:, :own] += e.particle_noise[:, index.cartesian].reshape(len(r.t), -1)
+    noise[:, :own] += e.force_noise[0]
     F, off_F = e.total_force, noise + e.recorded(r.R_q) + e.tolerance.atol
     L_v, off_L_v = e.values.L_v, e.noise("L_v")
     off_q, off_v = (np.broadcast_to(SAFETY * off, r.q.shape) for off in (e.off_q, e.off_v))
@@ -103,8 +103,8 @@ def quantities(e: Evidence) -> list[Quantity]:
         particles.append((e.names.q[:own], e.names.v[:own], e.masses[:own], coarse[:own], of_q))
     if r.x.size:
         off_u = e.noise("u")
-        F_x = r.R_x + e.particle_forces[:, index.dependent].reshape(r.x.shape)
-        off_F_x = e.particle_noise[:, index.dependent].reshape(r.x.shape) + e.recorded(r.R_x)
+        F_x = r.R_x + e.values.force_x
+        off_F_x = e.force_noise[1] + e.recorded(r.R_x)
         off_F_x = off_F_x + SAFETY * e.tolerance.rtol * np.abs(r.R_x).max(axis=0) + e.tolerance.atol
         of_x = (r.x, e.noise("x"), r.u, off_u, m_x * r.u, m_x * off_u, F_x, off_F_x)
         particles.append((e.names.x, e.names.u, m_x, coarse_x, of_x))
@@ -259,8 +259,7 @@ def _pushes(e: Evidence, steps: Array) -> tuple[Array, Array]:
     t, q, v = states
     nothing = np.zeros((len(t), laws.C))
     values = laws.values(t, q, v, nothing)
-    force_x = laws.particle_forces(values)[:, laws.index.dependent].reshape(len(t), -1)
-    force = np.concatenate([laws.forces_on_coordinates(values) / root, force_x / root_x], axis=1)
+    force = np.concatenate([values.force_q() / root, values.force_x / root_x], axis=1)
     pushes = TWICE * bulge(force.reshape(len(steps), POINTS + 2, -1))
     # Momenta that t alone brings about, at the positions and velocities of the first rows: in rows, dependent
     # particles and inertia, beyond what the rows around show

@@ -38,8 +38,8 @@ class LawValues:
 
     x, u, x_t (T, 3 Nd): positions, velocities and explicit rates of the dependent particles; f (T, s); w = B v + b,
     b (T, C); pull (T, n) = B^T lambda (D.22). V, V_t (T,); V_q (T, n), V_x (T, 3 Nd). L, L_t (T,); L_q, L_v (T, n);
-    L_x, L_u (T, 3 Nd): of the `lagrangian`. F (T, N, 3): forces on particles without a potential; Q (T, n): declared
-    generalized forces.
+    L_x, L_u (T, 3 Nd): of the `lagrangian`. F_q (T, 3 Nc), F_x (T, 3 Nd): forces without a potential on Cartesian and
+    on dependent particles; Q (T, n): declared generalized forces.
     """
 
     x: Array
@@ -59,8 +59,21 @@ class LawValues:
     L_v: Array
     L_x: Array
     L_u: Array
-    F: Array
+    F_q: Array
+    F_x: Array
     Q: Array
+
+    @property
+    def force_x(self) -> Array:
+        """F of all forces and potentials declared on the dependent particles, (T, 3 Nd)."""
+        return self.F_x - self.V_x
+
+    def force_q(self, reactions: Array | float = 0.0) -> Array:
+        """`reactions` with all that forces, potentials and the `lagrangian` do on coordinates themselves, (T, n): not
+        what dependent particles hand on, nor -d/dt dL/dv."""
+        force = reactions - self.V_q + self.Q + self.L_q
+        force[:, : self.F_q.shape[1]] += self.F_q
+        return np.asarray(force)
 
 
 NOTHING: Mapping[int, tuple[float, ...]] = {}
@@ -159,28 +172,13 @@ class ModelLaws:
         step = 1j * TINY
         return np.asarray(self.residuals(t + step, q + step * v, v + step * a)[1].imag / TINY)
 
-    def particle_forces(self, values: LawValues) -> Array:
-        """F_k of all forces and potentials declared, (T, N, 3)."""
-        index, forces = self.index, values.F.copy()
-        forces[:, index.cartesian] -= values.V_q[:, : index.first_generalized].reshape(len(forces), -1, 3)
-        forces[:, index.dependent] -= values.V_x.reshape(len(forces), -1, 3)
-        return forces
-
-    def forces_on_coordinates(self, values: LawValues, reactions: Array | float = 0.0) -> Array:
-        """`reactions` with all that forces, potentials and the `lagrangian` do on coordinates themselves, (T, n): not
-        what dependent particles hand on, nor -d/dt dL/dv."""
-        index, forces = self.index, reactions - values.V_q + values.Q + values.L_q
-        forces[:, : index.first_generalized] += values.F[:, index.cartesian].reshape(len(forces), -1)
-        return np.asarray(forces)
-
     def total_lagrangian(self, t: Array, q: Array, v: Array) -> Array:
         """L = T - V + `lagrangian` (T,) of the whole system (D.36); the numbers may be complex."""
         free, index = self.free(t, q, v), self.index
-        own = np.repeat(index.masses[index.cartesian], 3)
-        total = (own * v[:, : own.size] ** 2 / 2).sum(axis=1)
+        own = index.first_generalized
+        total = (index.masses_q[:own] * v[:, :own] ** 2 / 2).sum(axis=1)
         if index.dependent.size:
-            masses = np.repeat(index.masses[index.dependent], 3)
-            total = total + (masses * free.data["u"] ** 2 / 2).sum(axis=1)
+            total = total + (index.masses_x * free.data["u"] ** 2 / 2).sum(axis=1)
         for part, count in self._potentials(free):
             total = total - free.wide(part, count).sum(axis=1)
         for part in self._lagrangian(free):
@@ -195,12 +193,7 @@ class ModelLaws:
     def parts_of_reactions(self, on_table: ModelOnTable, lam: Array) -> Array:
         """lambda_i B_ik on every particle, as far as the rows name it, (T, 3 N); on_table: as of `free`."""
         onto = _reactions(on_table, self._rows(on_table), lam)
-        reactions = np.zeros((on_table.rows, 3 * len(self.index.particles)))
-        for numbers, kind in ((self.index.cartesian, "q"), (self.index.dependent, "x")):
-            if numbers.size:
-                indices = (3 * numbers[:, None] + np.arange(3)).ravel()
-                reactions[:, indices] = onto[kind][:, : indices.size]
-        return reactions
+        return self.index.together(onto["q"], onto.get("x", onto["q"][:, :0]))
 
     def free(self, t: Array, q: Array, v: Array) -> ModelOnTable:
         """The model on rows t (T,), q and v (T, n), in which positions of dependent particles are numbers."""
@@ -248,10 +241,10 @@ class ModelLaws:
         pull_of_L = free.graph.gradient([(p, np.ones((1, 1))) for p in extra])
         # Forces without a potential on particles and on coordinates
         index = self.index
-        F, Q = np.zeros((free.rows, 3 * len(index.particles))), np.zeros((free.rows, index.n))
+        F, Q = np.zeros((free.rows, len(index.particles), 3)), np.zeros((free.rows, index.n))
         for targets, parts, _ in self._on_particles(free, constant=False):
             for axis, part in enumerate(parts):
-                scatter(F, 3 * targets + axis, free.wide(part, targets.size))
+                scatter(F[:, :, axis], targets, free.wide(part, targets.size))
         for force in self.model.forces:
             if isinstance(force, nouns.GeneralizedForce) and force.action.targets.size:
                 action = force.action
@@ -265,7 +258,7 @@ class ModelLaws:
             V=V, V_t=slope["t"][:, 0], V_q=slope["q"], V_x=slope["x"] if kinds else nothing,
             L=L, L_t=pull_of_L["t"][:, 0], L_q=pull_of_L["q"], L_v=pull_of_L["v"],
             L_x=pull_of_L["x"] if kinds else nothing, L_u=pull_of_L["u"] if kinds else nothing,
-            F=F.reshape(free.rows, len(index.particles), 3), Q=Q,
+            F_q=F[:, index.cartesian].reshape(free.rows, -1), F_x=F[:, dependent].reshape(free.rows, -1), Q=Q,
         )  # fmt: skip
 
     def _residuals(self, on_table: ModelOnTable, rows: tuple[RowValues, RowValues]) -> tuple[Array, Array]:

@@ -52,9 +52,23 @@ class ModelIndex:
         self.rank = own - 1
         self.first_generalized = 3 * self.cartesian.size
         self.n = self.first_generalized + len(self.coordinates)
-        self.masses = np.concatenate([np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)])
+        self.masses: Array = np.concatenate([np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)])
+        of_cartesian, self.masses_x = (
+            np.repeat(self.masses[each], 3) for each in (self.cartesian, self.dependent)
+        )
+        self.masses_q = np.concatenate(
+            [of_cartesian, np.zeros(len(self.coordinates))]
+        )  # along each coordinate
         self.constants: dict[str, float | nouns.Vector3] = {"dt": 1.0, **model.constants}
         self.constants |= {p.name: p.value for p in model.parameters}
+
+    def together(self, of_q: Array, of_x: Array) -> Array:
+        """Components (T, 3 N) of all particles from those on coordinates (T, 3 Nc or more) and on dependent ones."""
+        components = np.zeros((len(of_q), 3 * len(self.particles)))
+        for numbers, part in ((self.cartesian, of_q), (self.dependent, of_x)):
+            places = (3 * numbers[:, None] + np.arange(3)).ravel()
+            components[:, places] = part[:, : places.size]
+        return components
 
 
 def start(model: nouns.Model) -> tuple[float, Array, Array]:

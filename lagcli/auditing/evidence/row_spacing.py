@@ -40,10 +40,8 @@ class RowSpacing:
 
         The recorded rates say so, or the forces and reactions: an error in one of them leaves the others smooth.
         """
-        r, index = self._e.record, self._e.laws.index
-        rows, own = len(r.t), index.first_generalized
-        force = self._e.total_force
-        force_x = r.R_x + self._e.particle_forces[:, index.dependent].reshape(rows, -1)
+        r, own = self._e.record, self._e.laws.index.first_generalized
+        force, force_x = self._e.total_force, r.R_x + self._e.values.force_x
         grid, part = self._e.grid, SAFETY * self._e.tolerance.rtol
         by_rates = grid.resolved(r.v, SAFETY * self._e.off_v)
         slow = by_rates | grid.resolved(force, part * np.abs(force).max(axis=0, initial=0.0))
@@ -72,7 +70,7 @@ class RowSpacing:
         r, one, other = self._e.record, self._e.values, self._e.moved_values
         own, rows = self._e.laws.index.first_generalized, len(r.t)
         change = np.abs(one.pull - other.pull - one.V_q + other.V_q)[:, :own]
-        change = change + np.abs(one.F - other.F)[:, self._e.laws.index.cartesian].reshape(rows, -1)
+        change = change + np.abs(one.F_q - other.F_q)
         stiffness = np.nan_to_num(change) / self._e.off_q[:own] / self._e.masses[:own]
         step = float(np.median(np.diff(r.t)))
         return np.asarray(step * step * stiffness.reshape(rows, -1, 3).max(axis=2))
@@ -101,10 +99,9 @@ class RowSpacing:
         if len(r.t) < 2:
             return np.ones(index.n, dtype=bool), np.ones(r.x.shape[1], dtype=bool)
         step = float(np.median(np.diff(r.t)))
-        forces = self._e.particle_forces
-        own = index.first_generalized
-        a = (forces[:, index.cartesian].reshape(len(r.t), -1) + r.R_q[:, :own]) / self._e.masses[:own]
-        a_x = (forces[:, index.dependent].reshape(len(r.t), -1) + r.R_x) / self._e.masses_x
+        values, own = self._e.values, index.first_generalized
+        a = (values.F_q - values.V_q[:, :own] + r.R_q[:, :own]) / self._e.masses[:own]
+        a_x = (values.force_x + r.R_x) / self._e.masses_x
         is_far = np.zeros(index.n, dtype=bool)
         size = max(float(np.abs(r.q[:, :own]).max(initial=0.0)), float(np.abs(r.x).max(initial=0.0)))
         coarse = _coarse(r.v[:, :own], a, step, size)
@@ -165,5 +162,5 @@ def _on_coordinates(laws: ModelLaws, t: Array, q: Array, rates: Array, multiplie
     own, count = laws.index.first_generalized, len(t)
     v, lam = (np.broadcast_to(y, (count, len(y))) for y in (rates, multipliers))
     values = laws.values(t, q, v, lam)
-    parts = (values.pull, laws.forces_on_coordinates(values), values.L_v)
+    parts = (values.pull, values.force_q(), values.L_v)
     return np.asarray(np.nan_to_num(np.concatenate([part[:, own:] for part in parts], axis=1)))

@@ -92,10 +92,7 @@ class Evidence:
         # A row before an instant is on that side of what jumps there.
         self._t = record.t + 2 * rounding * record.side
         self.values: LawValues = laws.values(self._t, record.q, record.v, record.lam)
-        index = laws.index
-        self.masses = np.zeros(index.n)
-        self.masses[: index.first_generalized] = np.repeat(index.masses[index.cartesian], 3)
-        self.masses_x = np.repeat(index.masses[index.dependent], 3)
+        self.masses, self.masses_x = laws.index.masses_q, laws.index.masses_x
         self.hidden = np.zeros(max(0, len(record.t) - 1), dtype=bool)  # steps with a push that no row shows
         self._random = np.random.default_rng(6)
         self._made: dict[object, object] = {}
@@ -194,24 +191,16 @@ class Evidence:
         size = np.abs(self._whole.u).max(initial=0.0)
         return np.asarray(self.tolerance.rtol * size + self.tolerance.atol)
 
-    @functools.cached_property
-    def particle_forces(self) -> Array:
-        """F_k of all forces and potentials declared, (T, N, 3)."""
-        return self.laws.particle_forces(self.values)
-
     @property
     def total_force(self) -> Array:
         """F + R on the coordinates, without what dependent particles carry, (T, n)."""
-        return self.laws.forces_on_coordinates(self.values, self.record.R_q)
+        return self.values.force_q(self.record.R_q)
 
     @functools.cached_property
-    def particle_noise(self) -> Array:
-        """The noise of F_k, (T, N, 3)."""
-        index, noise = self.laws.index, self.noise("F")
-        own = index.first_generalized
-        noise[:, index.cartesian] += self.noise("V_q")[:, :own].reshape(len(noise), -1, 3)
-        noise[:, index.dependent] += self.noise("V_x").reshape(len(noise), -1, 3)
-        return noise
+    def force_noise(self) -> tuple[Array, Array]:
+        """The noise of the forces on Cartesian particles (T, 3 Nc) and on dependent ones (T, 3 Nd)."""
+        of_q = self.noise("F_q") + self.noise("V_q")[:, : self.laws.index.first_generalized]
+        return of_q, self.noise("F_x") + self.noise("V_x")
 
     @functools.cached_property
     def looked_at(self) -> Array:
@@ -297,13 +286,11 @@ def _force_rounding(laws: ModelLaws, record: Record, values: LawValues) -> Force
     for name in ("V_q", "Q", "L_q", "pull"):
         whole, shifted = getattr(values, name), getattr(there, name)
         q = q + doubles.SUM * largest(whole) + largest(shifted - whole[rows])
-    pushed = doubles.SUM * largest(values.F) + largest(there.F - values.F[rows])
-    q[:own] += pushed[index.cartesian].ravel()
+    q[:own] += doubles.SUM * largest(values.F_q) + largest(there.F_q - values.F_q[rows])
     x = doubles.SUM * (largest(record.R_x) + largest(values.V_x)) + largest(there.V_x - values.V_x[rows])
-    x = x + pushed[index.dependent].ravel()
+    x = x + (doubles.SUM * largest(values.F_x) + largest(there.F_x - values.F_x[rows]))
     # The diagonal of the mass matrix at the first row
-    n, M, M_x = index.n, np.zeros(index.n), np.repeat(index.masses[index.dependent], 3)
-    M[:own] = np.repeat(index.masses[index.cartesian], 3)
+    n, M, M_x = index.n, index.masses_q.copy(), index.masses_x
     t, still, lam = (np.repeat(y[:1], n + 1, axis=0) for y in (part.t, part.q, part.lam))
     unit = np.vstack([np.eye(n), np.zeros((1, n))])
     if laws.model.lagrangian is not None:
