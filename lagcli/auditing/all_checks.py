@@ -124,15 +124,8 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
             right = {check.name for check in judge_by(short).checks if check.verdict != "fail"}
             for k, check in enumerate(judged.checks):
                 if check.verdict == "fail" and check.name in right:
-                    judged.checks[k] = Check(
-                        check.name,
-                        check.law,
-                        check.equation,
-                        "not judged",
-                        None,
-                        entries=check.entries,
-                        note=FEW_NUMBERS,
-                    )
+                    law = CheckedLaw(check.name, check.law, check.equation)
+                    judged.checks[k] = law.unjudged(FEW_NUMBERS, check.entries)
     return Audit(
         title=model.title,
         path=model.path,
@@ -188,15 +181,16 @@ class _Judged(NamedTuple):
 def _judged(e: Evidence) -> _Judged:
     """All checks of a run but those of the numbers themselves; of one with contacts or jumps by its parts."""
     is_one_sided = e.laws.model.inequality or np.any(np.diff(e.record.t) == 0)
-    parts, checks = OneSidedParts(e) if is_one_sided else None, list[Check]()
+    parts, checks = _by_parts(e) if is_one_sided else None, list[Check]()
+    of_parts = parts.checks if parts is not None else []
     for findings, runs in CHECKS:
         if parts is None:
             checks += findings(e) if runs != "one-sided" else ()
         elif runs in ("all", "one-sided"):
             checks += findings(e)
-        elif runs != "smooth" and not parts.are_reported:  # together, where the first of them stands
-            checks += parts.by_sets([check for check, where in CHECKS if where == "all, by rows"])
-            checks += parts.by_stretches([check for check, where in CHECKS if where == "all, by stretches"])
+        elif runs != "smooth":  # together, where the first of them stands
+            checks += of_parts
+            of_parts = []
     energies = e.once(checks_motion.energies)
 
     def known(column: int) -> float:
@@ -236,110 +230,90 @@ def _elsewhere(model: nouns.Model, record: Record, tolerance: Tolerance) -> list
     ]
 
 
-class OneSidedParts:
-    """The parts of one record, and what their checks find. e: of laws with all inequalities closed.
+class _Parts(NamedTuple):
+    """The checks of rows and of stretches of a run with contacts; what is determined while some are closed, the largest
+    virtual work of R, and the steps that no difference looks at."""
 
-    sentences: what is determined while some contacts are closed; virtual_work: the largest of R, with the rows that
-    were looked at in `by_sets`.
-    """
+    checks: list[Check]
+    sentences: tuple[str, ...]
+    virtual_work: float
+    notes: tuple[str, ...]
 
-    def __init__(self, e: Evidence) -> None:
-        self._e = e
-        states = e.once(checks_contact.contact_states)
-        self._closed = states.is_closed
-        t, incidents = e.record.t, e.run.incidents if e.run else None
-        self._has_incidents = incidents is not None
-        if incidents is None:
-            self._cut = checks_contact.may_hold_impact(t, states)
-        else:  # the steps with t_k < t <= t_k+1 for an incident that changes forces or velocities
-            times = incidents.t[incidents.cuts]
-            is_first = np.concatenate([t[1:-1] == t[2:], [False]])[: len(t) - 1]  # of rows at one time
-            left, right = (np.searchsorted(times, t[1:], side) for side in ("left", "right"))
-            up_to = np.where(is_first, left, right)
-            self._cut = up_to > np.searchsorted(times, t[:-1], "right")
-        # Between the two rows of an instant there is no step.
-        is_step = np.diff(t) > 0
-        self._steps, self._cut_steps = int(is_step.sum()), int((self._cut & is_step).sum())
-        # Stretches of rows between cuts, with one set of closed contacts
-        ends = self._cut | ~is_step | (self._closed[1:] != self._closed[:-1]).any(axis=1)
-        stretches = np.split(np.arange(len(t)), np.flatnonzero(ends) + 1)
-        long = [k for k in stretches if len(k) >= checks_flight.FEWEST_ROWS]
-        longest = sorted(long, key=len, reverse=True)[:MOST]
-        self._looked_at = sorted(longest, key=lambda k: int(k[0]))
-        self.sentences: tuple[str, ...] = ()
-        self.virtual_work = 0.0
-        self.are_reported = False
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Steps that no difference looks at."""
-        steps = self._steps
-        looked = sum(len(k) - 1 for k in self._looked_at)
-        if looked == steps:
-            return ()
-        if not self._has_incidents and self._cut_steps:
-            return (
-                f"{self._cut_steps} of {steps} steps between rows may hold an impact: they are not judged without"
-                f" --events ({steps - looked} steps are left out of what is judged by differences)",
-            )
-        return (
-            f"{self._cut_steps} of {steps} steps between rows hold incidents; {steps - looked} stand in stretches too"
-            " short for differences, or between them",
-        )
+def _by_parts(e: Evidence) -> _Parts:
+    """A record taken apart; e: of laws with all inequalities closed."""
+    states = e.once(checks_contact.contact_states)
+    closed, t, incidents = states.is_closed, e.record.t, e.run.incidents if e.run else None
+    if incidents is None:
+        cut = checks_contact.may_hold_impact(t, states)
+    else:  # the steps with t_k < t <= t_k+1 for an incident that changes forces or velocities
+        times = incidents.t[incidents.cuts]
+        is_first = np.concatenate([t[1:-1] == t[2:], [False]])[: len(t) - 1]  # of rows at one time
+        left, right = (np.searchsorted(times, t[1:], side) for side in ("left", "right"))
+        cut = np.where(is_first, left, right) > np.searchsorted(times, t[:-1], "right")
+    index = {name: k for k, name in enumerate(e.laws.rows)}
 
-    def by_sets(self, checks: Sequence[Findings]) -> list[Check]:
-        """Checks of rows by themselves, by the set of contacts that are closed at them."""
-        self.are_reported = True
-        parts: list[tuple[int, list[Check]]] = []
-        # The sets of closed contacts that occur, each with its rows
-        every = np.arange(len(self._closed))
-        modes = [(self._closed[0], every)] if len(every) and not self._closed.shape[1] else []
-        if self._closed.shape[1]:
-            kinds, which = np.unique(self._closed, axis=0, return_inverse=True)
-            modes = [(kind, every[which.ravel() == number]) for number, kind in enumerate(kinds)]
-        modes.sort(key=lambda mode: -len(mode[1]))
-        for number, (is_closed, rows) in enumerate(modes[:MOST_MODES]):
-            closed = np.flatnonzero(is_closed).tolist()
-            own, found = self._found(checks, rows, closed)
-            parts.append((len(rows), found))
-            self.virtual_work = max(self.virtual_work, own.virtual_work)
-            if number < MOST_DESCRIBED:
-                names = [self._e.laws.contacts[j] for j in closed]
-                shown = ", ".join(names[:MOST_DESCRIBED]) + (" ..." if len(names) > MOST_DESCRIBED else "")
-                while_ = f"while {shown} {'is' if len(names) == 1 else 'are'} closed"
-                while_ = while_ if names else "with all contacts open"
-                self.sentences += tuple(f"{while_}, {sentence}" for sentence in _uniqueness(own))
-        return _merged_by_name(parts, sum(len(rows) for _, rows in modes[MOST_MODES:]))
-
-    def by_stretches(self, checks: Sequence[Findings]) -> list[Check]:
-        """Checks of the motion along each stretch."""
-        parts: list[tuple[int, list[Check]]] = []
-        for rows in self._looked_at:
-            _, found = self._found(checks, rows, np.flatnonzero(self._closed[rows[0]]).tolist())
-            parts.append((len(rows), found))
-        if not parts:
-            laws = (checks_steps.STEPS, checks_motion.RATES, checks_motion.NEWTON, checks_motion.ENERGY)
-            return [law.unjudged(FAR_APART) for law in laws]
-        looked = sum(len(k) for k in self._looked_at)
-        checks_of_rows = _merged_by_name(parts, len(self._e.record.t) - looked)
-        # Entries of `steps` are steps and not rows, and one stands between two stretches.
-        name = checks_steps.STEPS.name
-        of_steps = [check for _, part in parts for check in part if check.name == name]
-        columns = sum(check.entries for check in of_steps) // (looked - len(parts))
-        steps = merged(of_steps, (self._steps - looked + len(parts)) * columns)
-        return [steps if check.name == name else check for check in checks_of_rows]
-
-    def _found(
-        self, checks: Sequence[Findings], rows: Array, closed: Sequence[int]
-    ) -> tuple[Evidence, list[Check]]:
+    def found(runs: Runs, rows: Array, numbers: Sequence[int]) -> tuple[Evidence, list[Check]]:
         """The evidence of some rows, at which these contacts are closed, and what checks find in it."""
-        e = self._e
-        laws = ModelLaws(e.laws.model, e.tolerance.jumps, closed)
-        index = {name: k for k, name in enumerate(e.laws.rows)}
-        part = e.record.part(rows)
+        laws, part = ModelLaws(e.laws.model, e.tolerance.jumps, numbers), e.record.part(rows)
         part = dataclasses.replace(part, lam=part.lam[:, [index[name] for name in laws.rows]])
         own = Evidence(laws, part, e.tolerance, e.record)
-        return own, [found for findings in checks for found in findings(own)]
+        return own, [check for findings, where in CHECKS if where == runs for check in findings(own)]
+
+    # Rows by themselves, by the sets of closed contacts that occur
+    kinds, which = np.zeros((1, 0), dtype=bool), np.zeros(len(t), dtype=np.int64)
+    if closed.shape[1]:
+        kinds, which = np.unique(closed, axis=0, return_inverse=True)
+    modes = [(kind, np.flatnonzero(which.ravel() == number)) for number, kind in enumerate(kinds)]
+    modes.sort(key=lambda mode: -len(mode[1]))
+    by_sets: list[tuple[int, list[Check]]] = []
+    sentences, virtual_work = list[str](), 0.0
+    for number, (is_closed, rows) in enumerate(modes[:MOST_MODES]):
+        numbers = np.flatnonzero(is_closed).tolist()
+        own, checks = found("all, by rows", rows, numbers)
+        by_sets.append((len(rows), checks))
+        virtual_work = max(virtual_work, own.virtual_work)
+        if number < MOST_DESCRIBED:
+            names = [e.laws.contacts[j] for j in numbers]
+            shown = ", ".join(names[:MOST_DESCRIBED]) + (" ..." if len(names) > MOST_DESCRIBED else "")
+            while_ = f"while {shown} {'is' if len(names) == 1 else 'are'} closed"
+            while_ = while_ if names else "with all contacts open"
+            sentences += [f"{while_}, {sentence}" for sentence in _uniqueness(own)]
+    of_rows = _merged_by_name(by_sets, sum(len(rows) for _, rows in modes[MOST_MODES:]))
+    # The motion along stretches of rows between cuts, with one set of closed contacts
+    is_step = np.diff(t) > 0  # between the two rows of an instant there is none
+    ends = cut | ~is_step | (closed[1:] != closed[:-1]).any(axis=1)
+    stretches = np.split(np.arange(len(t)), np.flatnonzero(ends) + 1)
+    long = sorted((k for k in stretches if len(k) >= checks_flight.FEWEST_ROWS), key=len, reverse=True)
+    looked_at = sorted(long[:MOST], key=lambda k: int(k[0]))
+    by_stretches = []
+    for rows in looked_at:
+        _, checks = found("all, by stretches", rows, np.flatnonzero(closed[rows[0]]).tolist())
+        by_stretches.append((len(rows), checks))
+    steps, looked = int(is_step.sum()), sum(map(len, looked_at))
+    if looked_at:
+        along = _merged_by_name(by_stretches, len(t) - looked)
+        # Entries of `steps` are steps and not rows, and one stands between two stretches.
+        name, unseen = checks_steps.STEPS.name, steps - looked + len(looked_at)
+        of_steps = [check for _, part in by_stretches for check in part if check.name == name]
+        columns = sum(check.entries for check in of_steps) // (looked - len(looked_at))
+        along = [merged(of_steps, unseen * columns) if check.name == name else check for check in along]
+    else:
+        unseen = steps
+        laws = (checks_steps.STEPS, checks_motion.RATES, checks_motion.NEWTON, checks_motion.ENERGY)
+        along = [law.unjudged(FAR_APART) for law in laws]
+    cuts, note = int((cut & is_step).sum()), ""
+    if unseen and incidents is None and cuts:
+        note = (
+            f"{cuts} of {steps} steps between rows may hold an impact: they are not judged without --events"
+        )
+        note += f" ({unseen} steps are left out of what is judged by differences)"
+    elif unseen:
+        note = (
+            f"{cuts} of {steps} steps between rows hold incidents; {unseen} stand in stretches too short for"
+        )
+        note += " differences, or between them"
+    return _Parts([*of_rows, *along], tuple(sentences), virtual_work, (note,) if note else ())
 
 
 def _merged_by_name(parts: list[tuple[int, list[Check]]], skipped: int) -> list[Check]:

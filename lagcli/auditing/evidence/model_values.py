@@ -52,7 +52,9 @@ class ModelIndex:
         self.rank = own - 1
         self.first_generalized = 3 * self.cartesian.size
         self.n = self.first_generalized + len(self.coordinates)
-        self.masses: Array = np.concatenate([np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)])
+        self.masses: Array = np.concatenate(
+            [np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)]
+        )
         of_cartesian, self.masses_x = (
             np.repeat(self.masses[each], 3) for each in (self.cartesian, self.dependent)
         )
