@@ -258,7 +258,8 @@ class ModelLaws:
             V=V, V_t=slope["t"][:, 0], V_q=slope["q"], V_x=slope["x"] if kinds else nothing,
             L=L, L_t=pull_of_L["t"][:, 0], L_q=pull_of_L["q"], L_v=pull_of_L["v"],
             L_x=pull_of_L["x"] if kinds else nothing, L_u=pull_of_L["u"] if kinds else nothing,
-            F_q=F[:, index.cartesian].reshape(free.rows, -1), F_x=F[:, dependent].reshape(free.rows, -1), Q=Q,
+            F_q=F[:, index.cartesian].reshape(free.rows, index.first_generalized),
+            F_x=F[:, dependent].reshape(free.rows, 3 * dependent.size), Q=Q,
         )  # fmt: skip
 
     def _residuals(self, on_table: ModelOnTable, rows: tuple[RowValues, RowValues]) -> tuple[Array, Array]:
