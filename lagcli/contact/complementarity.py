@@ -4,12 +4,13 @@
 shortest x with G~ x >= h, x = G~^T Lambda (the principle of Gauss). S is never formed, so that digits are not squared
 away, and x is unique even where Lambda is not.
 
-Where rows that hold a load are dependent other Lambda may do, as the legs of a table. Of all of them the shortest is
-given: the same split as among equality rows (`compiled.selection`), of those that push.
+Where rows that hold a load are dependent, as the legs of a table, of all Lambda that do the shortest is given: the same
+split as among equality rows (`compiled.selection`).
 """
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 
 import numpy as np
@@ -29,8 +30,7 @@ class ComplementarityParameters:
     __slots__ = ()
 
     safe: float = 8.0
-    """The rounding of a sum, of bounds or of speeds after an impact, is allowed for this many times.
-    `test_a_bound_may_be_eight_roundings_off` fails at 0.8 and 80."""
+    """Roundings of a bound or of a speed after an impact that are none (`test_a_bound_may_be_eight_roundings_off`)."""
 
 
 PARAMETERS = ComplementarityParameters()
@@ -101,11 +101,20 @@ def shared(A: Floats, mu: Floats, pulling: int = 0) -> tuple[Floats, Flags]:
         return mu, np.ones(count, dtype=bool)
     free = found.exact_dependences.T
     if free.shape[1]:
-        mu = _shortest(mu, free, pulling)
-    # The shares that change along a direction of `free` (k, d) in which none that only pushes becomes negative. Shares
-    # that are zero may only grow. Of directions that leave all others as they are every one is looked for in which one
-    # of those grows; with all found, the shares that can be positive change in any direction that leaves the rest at
-    # zero.
+        # The shortest mu + free z >= 0: that of a mu without a part in them, and then the shortest z that makes it push
+        shortest = mu - free @ (free.T @ mu)
+        lengths = np.linalg.norm(free, axis=1)
+        rows = lengths > doubles.ZERO
+        rows[:pulling] = False
+        # Rounding must not make two shares that can only be zero contradict each other.
+        bounds = -shortest[rows] - 16 * doubles.EPS * float(np.linalg.norm(mu))
+        # Where one share alone is possible rounding may leave none: that of mu.
+        with contextlib.suppress(least_distance.ContradictoryRows, least_distance.UndecidedRows):
+            z = least_distance.shortest(free[rows] / lengths[rows, None], bounds / lengths[rows]).x
+            mu = shortest + free @ z
+            mu[pulling:] = np.maximum(mu[pulling:], 0.0)
+    # The shares that change along a direction of `free` (k, d) in which none that only pushes becomes negative. Of the
+    # shares that are zero those are sought that can grow; the rest stays at zero.
     free = found.dependences.T
     free = free * (np.linalg.norm(free, axis=1) > doubles.ZERO)[:, None]
     positive = mu > doubles.ZERO * np.abs(mu).max(initial=0.0)
@@ -123,22 +132,3 @@ def shared(A: Floats, mu: Floats, pulling: int = 0) -> tuple[Floats, Flags]:
     if rest.shape[0]:
         free = free @ rank.null_basis(rest)
     return mu, ~np.asarray(positive & (np.linalg.norm(free, axis=1) > rank.PARAMETERS.large))
-
-
-def _shortest(mu: Floats, free: Floats, pulling: int) -> Floats:
-    """The shortest mu + free z >= 0, `free` (k, d) orthonormal: that of a mu without a part in them, and then the
-    shortest z that makes it push."""
-    least = mu - free @ (free.T @ mu)
-    lengths = np.linalg.norm(free, axis=1)
-    rows = lengths > doubles.ZERO
-    rows[:pulling] = False
-    # Rounding must not make two shares that can only be zero contradict each other.
-    bounds = -least[rows] - 16 * doubles.EPS * float(np.linalg.norm(mu))
-    try:
-        z = least_distance.shortest(free[rows] / lengths[rows, None], bounds / lengths[rows]).x
-    except (least_distance.ContradictoryRows, least_distance.UndecidedRows):
-        # One share alone is possible, and rounding leaves none.
-        return mu
-    mu = least + free @ z
-    mu[pulling:] = np.maximum(mu[pulling:], 0.0)
-    return mu

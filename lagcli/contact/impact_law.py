@@ -8,10 +8,9 @@ Both ask for a push at one configuration. In the whitened metric (B~ = B M^-1/2)
 shortest with B~ u = c and G~ u >= d, where contacts only push and only where G~ u = d. Impacts ask it of velocities,
 contact forces of accelerations.
 
-Of few contacts whose rows stand well apart the answers are formulas. With D = G P G^T (k, k), P the inverse of M that
-equality rows leave, both laws ask for 0 <= z, D z + c >= 0, one of the two zero for each contact. Of one contact,
-Lambda = -(1 + e) dot g- / D. Of more every set that may push is tried; D is positive definite, so that one answers
-(Cottle, Pang and Stone, The Linear Complementarity Problem, section 3.3).
+Of few contacts whose rows stand well apart the answers are formulas: with D = G P G^T (k, k), P the inverse of M that
+equality rows leave, 0 <= z, D z + c >= 0, one of the two zero for each contact. Every set that may push is tried; D is
+positive definite, so that one answers (Cottle, Pang and Stone, The Linear Complementarity Problem, section 3.3).
 """
 
 from __future__ import annotations
@@ -31,22 +30,16 @@ from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse, stacked
 
 
 class ImpactParameters:
-    """Impacts and forces of contacts; parts are of no unit.
-
-    The tests are of `tests/unit/test_numbers_of_contacts.py` and `tests/unit/test_numbers_of_starts.py`.
-    """
+    """Impacts and forces of contacts. The tests are of `tests/unit/test_numbers_of_contacts.py` and
+    `tests/unit/test_numbers_of_starts.py`."""
 
     __slots__ = ()
 
-    refinements: int = 2
-    """Each refinement gains all the digits there are; the second finds nothing but rounding.
-    `test_rows_of_an_impact_are_met_to_rounding_after_two_refinements` fails at 0."""
     most: int = 4
-    """So many contacts are few. `test_four_contacts_are_few` fails at 0 and 40."""
+    """So many contacts are few (`test_four_contacts_are_few`)."""
     apart: float = 1e-2
     """A formula keeps its digits where the smallest eigenvalue of D with ones on its diagonal is not below this, and
-    where the equality rows leave this part of the square of a row. `test_few_contacts_are_apart_from_a_hundredth` and
-    `test_a_formula_serves_a_row_of_which_a_hundredth_is_left` fail at 0.001 and 0.1."""
+    equality rows leave this part of the square of a row (`test_few_contacts_are_apart_from_a_hundredth`)."""
 
 
 PARAMETERS = ImpactParameters()
@@ -103,11 +96,12 @@ def impact(
     before = rows.G.times(v) + g_t
     terms = _sizes(rows.G, v) + np.abs(g_t)
     rounding = complementarity.PARAMETERS.safe * doubles.EPS * terms
-    push = rows.push(-(rows.B.times(v) + b), least_after(before, e) - before, rounding)
-    after = v + push.change
+    wanted = -(rows.B.times(v) + b), least_after(before, e) - before
+    change, of_equalities, impulses, unique = rows.push(*wanted, rounding)
+    after = v + change
     speeds = rows.G.times(after) + g_t
-    energy = certified(before, speeds, push.contacts, terms, metric.length(v) ** 2)
-    return LawResult(after, push.equality, push.contacts, push.unique, speeds, energy)
+    energy = certified(before, speeds, impulses, terms, metric.length(v) ** 2)
+    return LawResult(after, of_equalities, impulses, unique, speeds, energy)
 
 
 def certified(
@@ -136,10 +130,11 @@ def forces(
     (B, gamma_B), (G, gamma) = equalities, contacts
     rows, free = TouchingRows(metric, B, G), metric.solved(h)
     rounding = complementarity.PARAMETERS.safe * doubles.EPS * (_sizes(rows.G, free) + np.abs(gamma))
-    push = rows.push(gamma_B - rows.B.times(free), gamma - rows.G.times(free), rounding)
-    a = free + push.change
-    slack = np.where(push.contacts > 0, 0.0, rows.G.times(a) - gamma)
-    return LawResult(a, push.equality, push.contacts, push.unique, slack)
+    wanted = gamma_B - rows.B.times(free), gamma - rows.G.times(free)
+    change, of_equalities, of_contacts, unique = rows.push(*wanted, rounding)
+    a = free + change
+    slack = np.where(of_contacts > 0, 0.0, rows.G.times(a) - gamma)
+    return LawResult(a, of_equalities, of_contacts, unique, slack)
 
 
 def _sizes(G: LocalRows, x: Floats) -> Floats:
@@ -147,21 +142,10 @@ def _sizes(G: LocalRows, x: Floats) -> Floats:
     return np.asarray(np.bincount(G.row, np.abs(G.values * x[G.column]), minlength=G.count))
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Push:
-    """change: M^-1 (B^T equality + G^T contacts) (n,). equality (C,), contacts (k,) >= 0; unique (C + k,)."""
-
-    change: Floats
-    equality: Floats
-    contacts: Floats
-    unique: Flags
-
-
 class TouchingRows:
     """Equality rows B (C, n) and contacts G (k, n) at one configuration, sparse; `metric` leaves no coordinate out.
 
-    Nothing of size n x n is built. Rows that have no coordinate of the metric in common, and none with others between
-    them, do not act on each other: each such block is solved alone, dense.
+    Blocks of rows that share no coordinate of the metric do not act on each other: each is solved alone, dense.
     """
 
     def __init__(self, metric: Metric, B: Sparse, G: Sparse) -> None:
@@ -170,12 +154,12 @@ class TouchingRows:
         rows = MetricRows(stacked(B, G), metric)
         self._lengths, self._unit = rows.lengths, LocalRows(rows.unit)
 
-    def push(self, c: Floats, d: Floats, rounding: Floats) -> Push:
-        """The push with B change = c (C,), G change >= d (k,) known to `rounding` (k,), and complementary.
+    def push(self, c: Floats, d: Floats, rounding: Floats) -> tuple[Floats, Floats, Floats, Flags]:
+        """The change (n,) with B change = c (C,), G change >= d (k,) known to `rounding` (k,), and complementary; the
+        impulses or forces (C,) and (k,) that make it, and which of them are unique (C + k,).
 
-        Impulses or forces that are not unique are split: the least sum of Lambda_i^2 |row_i M^-1/2|^2 over all rows
-        together, contacts >= 0. Raises `LawError` with the contacts that cannot all be obeyed, or of all where numbers
-        do not decide.
+        Those that are not are split: the least sum of Lambda_i^2 |row_i M^-1/2|^2 over all rows together, contacts
+        >= 0. Raises `LawError` with the contacts that cannot all be obeyed, or all where numbers do not decide.
         """
         C, lengths, unit = self.B.count, self._lengths, self._unit
         asked, rounding = np.concatenate([c, d]) / lengths, rounding / lengths[C:]
@@ -195,7 +179,7 @@ class TouchingRows:
             except UndecidedRows as error:
                 raise self._undecided(str(error)) from None
         change = self.metric.unwhitened(unit.combined(mu))
-        return Push(change, mu[:C] / lengths[:C], mu[C:] / lengths[C:], unique)
+        return change, mu[:C] / lengths[:C], mu[C:] / lengths[C:], unique
 
     def _undecided(self, reason: str) -> LawError:
         text = f"the law of impact does not decide ({reason}) for contacts"
@@ -211,34 +195,26 @@ class ContactBlock:
 
     def push(self, asked: Floats, rounding: Floats) -> tuple[Floats, Flags]:
         """The weights (C + k,) of the rows, as `TouchingRows.push`, and which are unique."""
-        C, contacts = self._count, self._unit[self._count :]
+        C, unit, contacts = self._count, self._unit, self._unit[self._count :]
         base, across = self._equalities.step(asked[:C]), self._equalities.basis
-        bare = self._bare(contacts)
+        # The contacts with the equality rows projected out; zero where nothing is left but rounding
+        bare = contacts
+        for _ in range(2):
+            bare = bare - (bare @ across.T) @ across
+        bare = np.where((np.linalg.norm(bare, axis=1) > rank.PARAMETERS.small)[:, None], bare, 0.0)
         found = complementarity.solve(bare, asked[C:] - contacts @ base, rounding)
         mu = np.concatenate([np.zeros(C), found.multipliers])
         mu[:C] = self._equalities.weights(base - across.T @ (across @ (contacts.T @ mu[C:])))
         rows = np.concatenate([np.ones(C, dtype=bool), found.holds])
         unique = np.ones(rows.size, dtype=bool)
-        mu[rows], unique[rows] = complementarity.shared(self._unit[rows], mu[rows], C)
-        return self._refined(mu, asked), unique
-
-    def _bare(self, contacts: Floats) -> Floats:
-        """The contacts (k, n) with the equality rows projected out; zero where nothing is left but rounding."""
-        bare, across = contacts, self._equalities.basis
+        mu[rows], unique[rows] = complementarity.shared(unit[rows], mu[rows], C)
+        # What the rows that hold are missing is asked for again; the second time it is rounding.
+        held = np.flatnonzero((mu > 0) | (np.arange(mu.size) < C))
+        holding = rank.space(unit[held], is_whole=False)
         for _ in range(2):
-            bare = bare - (bare @ across.T) @ across
-        lengths = np.linalg.norm(bare, axis=1)
-        return np.where((lengths > rank.PARAMETERS.small)[:, None], bare, 0.0)
-
-    def _refined(self, mu: Floats, asked: Floats) -> Floats:
-        """mu with the rows that hold met to rounding: what they are missing is asked for again."""
-        rows = np.flatnonzero((mu > 0) | (np.arange(mu.size) < self._count))
-        holding, mu = rank.space(self._unit[rows], is_whole=False), mu.copy()
-        for _ in range(PARAMETERS.refinements):
-            missing = asked[rows] - self._unit[rows] @ (self._unit.T @ mu)
-            mu[rows] += holding.weights_of_step(missing)
-        mu[self._count :] = np.maximum(mu[self._count :], 0.0)
-        return mu
+            mu[held] += holding.weights_of_step(asked[held] - unit[held] @ (unit.T @ mu))
+        mu[C:] = np.maximum(mu[C:], 0.0)
+        return mu, unique
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -307,7 +283,7 @@ class FewContacts:
         return np.array([response.free for response in self.responses])
 
     def moved(self, x: Floats, z: Floats) -> Floats:
-        """Velocities or accelerations x (n,) after impulses or forces z (k,)."""
+        """x (n,) after impulses or forces z (k,)."""
         for response, part in zip(self.responses, z.tolist(), strict=True):
             if part:
                 x = x + part * response.x

@@ -24,16 +24,13 @@ Floats = npt.NDArray[np.float64]
 
 
 class LeastDistanceParameters:
-    """Shortest vectors under inequalities; parts are of rows of length one.
-
-    The tests are of `tests/unit/test_numbers_of_contacts.py`.
-    """
+    """Shortest vectors under inequalities. The tests are of `tests/unit/test_numbers_of_contacts.py`."""
 
     __slots__ = ()
 
     none_left: float = 1e-8
-    """A least squares distance below this says that no vector will do: a shortest one would be 1e8 times as
-    long as h. `test_no_vector_will_do_where_it_would_be_eight_digits_longer` fails at 1e-9 and 1e-7."""
+    """A least squares distance, of rows of length one, below which no vector will do, as it would be 1e8 times as long
+    as h (`test_no_vector_will_do_where_it_would_be_eight_digits_longer`)."""
 
 
 PARAMETERS = LeastDistanceParameters()
@@ -75,22 +72,26 @@ def shortest(A: Floats, h: Floats) -> Shortest:
     cause = None
     for weights in proposals(np.vstack([factor, h / largest]), target):
         if float(np.hypot(np.linalg.norm(weights @ A), weights @ h / largest - 1)) <= PARAMETERS.none_left:
-            raise ContradictoryRows(_numbers(weights > doubles.ZERO * weights.max()))
+            raise ContradictoryRows(tuple(np.flatnonzero(weights > doubles.ZERO * weights.max()).tolist()))
         try:
-            return _settled(A, h, list(_numbers(weights > 0)))
+            return _settled(A, h, np.flatnonzero(weights > 0).tolist())
         except UndecidedRows as error:
             cause = error
     raise UndecidedRows("rows too near dependent ones") from cause
 
 
-def _numbers(flags: npt.NDArray[np.bool_]) -> tuple[int, ...]:
-    return tuple(int(row) for row in np.flatnonzero(flags))
-
-
 def _settled(A: Floats, h: Floats, closed: list[int]) -> Shortest:
     """x and mu of the rows that hold, solved to rounding; a row that rounding has put on the wrong side changes it."""
     for _ in range(2 * h.size + 10):
-        x, mu = _on(A[closed], h[closed])
+        # The shortest x with A x = h of those rows, x = A^T mu; with one step of refinement
+        own, x, mu = A[closed], np.zeros(A.shape[1]), np.zeros(len(closed))
+        Q, R = decompositions.orthonormal(own.T)
+        try:
+            for _ in range(2):
+                part = np.linalg.solve(R.T, h[closed] - own @ x)
+                x, mu = x + Q @ part, mu + np.linalg.solve(R, part)
+        except np.linalg.LinAlgError as error:
+            raise UndecidedRows("rows too near dependent ones") from error
         allowed = doubles.ZERO * (float(np.linalg.norm(x)) + np.abs(h))
         if mu.size and mu.min() < 0:
             del closed[int(np.argmin(mu))]
@@ -103,19 +104,6 @@ def _settled(A: Floats, h: Floats, closed: list[int]) -> Shortest:
             return Shortest(x, whole)
         closed = sorted([*closed, int(np.argmin(short))])
     raise UndecidedRows("rows too near dependent ones")
-
-
-def _on(A: Floats, h: Floats) -> tuple[Floats, Floats]:
-    """The shortest x with A x = h, and mu with x = A^T mu, of independent rows; with one step of refinement."""
-    Q, R = decompositions.orthonormal(A.T)
-    try:
-        x, mu = np.zeros(A.shape[1]), np.zeros(h.size)
-        for _ in range(2):
-            part = np.linalg.solve(R.T, h - A @ x)
-            x, mu = x + Q @ part, mu + np.linalg.solve(R, part)
-    except np.linalg.LinAlgError as error:
-        raise UndecidedRows("rows too near dependent ones") from error
-    return x, mu
 
 
 def proposals(columns: Floats, target: Floats) -> Iterator[Floats]:

@@ -26,26 +26,19 @@ Number = TypeVar("Number", float, Floats)
 
 
 class ZeroBoundParameters:
-    """Bounds of a function on a piece of a step; parts are of no unit.
-
-    The tests are of `tests/unit/test_numbers_of_contacts.py`.
-    """
+    """Bounds of a function on a piece of a step. The tests are of `tests/unit/test_numbers_of_contacts.py`."""
 
     __slots__ = ()
 
     safety: float = 4.0
-    """The misfit of a piece that was cut is the misfit of its parts, this many times as large as a kink
-    would leave. `test_the_misfit_of_a_piece_is_four_times_what_it_shows` fails at 0.4 and 40."""
+    """The misfit of the parts of a piece is so many times what a kink would leave
+    (`test_the_misfit_of_a_piece_is_four_times_what_it_shows`)."""
     trusted: float = 0.1
-    """The cubic is trusted to say how often a function leaves its side, and where the next value is worth
-    most, if the misfit about it is this part of its range. `test_a_cubic_is_trusted_to_a_tenth_of_its_range`
-    fails at 0.01 and 1."""
+    """A cubic says how often a function leaves its side, and where the next value is worth most, if the misfit about it
+    is this part of its range (`test_a_cubic_is_trusted_to_a_tenth_of_its_range`)."""
     wary: float = 0.5
-    """After the first cut, the misfit is this part of what the cubics bend at the least.
-    `test_the_misfit_of_a_piece_is_half_of_its_bend_or_more` fails at 0.05 and 5."""
-    root_steps: int = 60
-    """A root of a cubic is looked for in so many steps.
-    `test_a_threefold_root_of_a_cubic_is_found_in_sixty_steps` fails at 6."""
+    """After the first cut the misfit is at the least this part of what the cubics bend
+    (`test_the_misfit_of_a_piece_is_half_of_its_bend_or_more`)."""
 
 
 PARAMETERS = ZeroBoundParameters()
@@ -138,7 +131,7 @@ def fall(b: Cubic[float]) -> float:
     level = min(b0, 0.0)
     low, high = 0.0, 1.0
     u = b0 / (b0 - b3) if 0.0 < b0 < b0 - b3 else 0.5
-    for _ in range(PARAMETERS.root_steps):
+    for _ in range(60):  # of a threefold root each step leaves two thirds of the distance
         v = 1 - u
         value = v * v * (v * b0 + 3 * u * b1) + u * u * (3 * v * b2 + u * b3) - level
         low, high = (u, high) if value > 0 else (low, u)

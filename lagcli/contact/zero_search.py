@@ -35,28 +35,19 @@ GOLDEN = (3 - math.sqrt(5)) / 2  # the golden section of an interval
 
 
 class ZeroSearchParameters:
-    """The search for a first crossing; lengths are parts of the step.
-
-    The tests are of `tests/unit/test_numbers_of_contacts.py`.
-    """
+    """The search for a first crossing. The tests are of `tests/unit/test_numbers_of_contacts.py`."""
 
     __slots__ = ()
 
     margin: float = 0.1
-    """A cut keeps this part of its piece from both ends of it.
-    `test_a_cut_keeps_a_tenth_from_the_ends_of_its_piece` fails at 0.01 and 1."""
+    """A cut keeps this part of its piece from both ends (`test_a_cut_keeps_a_tenth_from_the_ends_of_its_piece`)."""
     narrow: float = 8 * doubles.EPS
-    """A piece of this length has no inside. `test_a_jump_over_zero_is_found_to_a_few_roundings` fails at
-    1.78e-14."""
+    """A piece of this part of the step has no inside (`test_a_jump_over_zero_is_found_to_a_few_roundings`)."""
     most_evaluations: int = 2000
-    """The most evaluations of one search. `test_a_search_that_never_ends_has_two_thousand_evaluations` fails
-    at 200 and 20000."""
-    newton_steps: int = 130
-    """Newton's steps for one root; each halves the bracket at the least every other time.
-    `test_a_root_is_found_to_rounding_where_slopes_say_nothing` fails at 13."""
+    """Of one search (`test_a_search_that_never_ends_has_two_thousand_evaluations`)."""
     few: int = 8
-    """So many functions are looked at one after the other from the start.
-    `test_of_more_than_eight_functions_most_are_told_at_once` fails at 0 and 80."""
+    """So many functions are looked at one after the other from the start
+    (`test_of_more_than_eight_functions_most_are_told_at_once`)."""
 
 
 PARAMETERS = ZeroSearchParameters()
@@ -66,10 +57,9 @@ PARAMETERS = ZeroSearchParameters()
 class FirstCrossing:
     """The end of a search.
 
-    x: the first point at which a function crosses zero in its direction, None where none does; `rows` cross there.
-    ending: functions that arrive at zero at x = 1, to rounding, from their side, where none crosses before: what they
-    do there the next step shows. unresolved: functions of which it is open what they do beyond `clear`, before which
-    nothing crosses; then x is None.
+    x: the first point at which functions, `rows`, cross zero in their direction, or None. ending: those that arrive at
+    zero at x = 1, to rounding, where none crosses before. unresolved: those of which it is open what they do beyond
+    `clear`, before which nothing crosses.
     """
 
     x: float | None
@@ -89,11 +79,10 @@ def first_crossing(
 ) -> FirstCrossing:
     """The first crossing of zero by functions of x in [0, 1], to double precision.
 
-    noise: (K,) rounding of the values; a function within it is at zero. One crosses when it goes from its side to
-    beyond the noise on the other: touching is none. direction: DOWN, UP or BOTH, one or (K,). A function that is at
-    zero at x = 0 is on its side, and one that leaves there crosses at 0; unless it is not `armed` (one or (K,)),
-    which says that it has crossed just there: then it must come back first. most: evaluations, after which functions
-    are left unresolved. The ends are asked for once each; a caller that knows them hands them out from memory.
+    noise: (K,) rounding of the values; a function crosses when it goes from its side to beyond the noise on the other.
+    direction: DOWN, UP or BOTH, one or (K,). A function at zero at x = 0 is on its side, and one that leaves there
+    crosses at 0, unless it is not `armed` (one or (K,)): it has crossed just there, and must come back first. most:
+    evaluations, after which functions are left unresolved.
     """
     if not noise.size:
         return FirstCrossing(None)
@@ -293,7 +282,7 @@ class _Search:
         low, high, noise = left.x, right.x, float(self.noise[row])
         x = low + zero_bounds.fall(piece.cubic) * (high - low)
         last = before = high - low
-        for _ in range(PARAMETERS.newton_steps):
+        for _ in range(130):  # the bracket is halved at the least every other time
             sample = self.sample(x)
             value, slope = float(sample.g[row]) - level, float(sample.slope[row])
             low, high = (x, high) if value > 0 else (low, x)

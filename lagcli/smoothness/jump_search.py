@@ -23,22 +23,6 @@ Floats = npt.NDArray[np.float64]
 StateValues = tuple[float, Floats, Floats]
 
 
-class JumpSearchParameters:
-    """The search for jumps at switches; lengths are parts of the size of the start.
-
-    The tests are of `tests/unit/test_numbers_of_rows.py`.
-    """
-
-    __slots__ = ()
-
-    points: int = 12
-    """Starts about the state from which points of a switch are sought.
-    `test_a_switch_is_sought_from_twelve_starts_about_the_state` fails at 1 and 120."""
-    newton_steps: int = 30
-    """Newton's steps from each. `test_a_switch_is_come_upon_in_thirty_newton_steps` fails at 3 and 300."""
-
-
-PARAMETERS = JumpSearchParameters()
 # A check looks at so many members of a family, evenly spread, and in each value at so many switches of each word.
 MEMBERS, SWITCHES = 16, 32
 # The numbers between which a value lies, whatever state and parameters are.
@@ -129,12 +113,12 @@ class Starts:
 
 
 def starts(state: StateValues, p: Floats) -> Starts:
-    """A state, and points about it."""
+    """A state, and twelve points about it."""
     t, q, v = state
     random = np.random.default_rng(0)
     size = float(np.abs(q).max(initial=0.0)) or 1.0
     speed = v + (float(np.abs(v).max(initial=0.0)) or 1.0) * random.standard_normal(v.size)
-    points = np.vstack([q, q + size * random.standard_normal((PARAMETERS.points, q.size))])
+    points = np.vstack([q, q + size * random.standard_normal((12, q.size))])
     return Starts(t, points.T, speed, ca.DM(p), size)
 
 
@@ -180,7 +164,25 @@ def jumps(value: Local, argument: ca.SX, inputs: list[ca.SX], begin: Starts) -> 
     are come upon."""
     switch = Local(argument, inputs, with_slopes=True)
     with np.errstate(all="ignore"):
-        numbers, centres, across = _switch_points(switch, begin)
+        # The starts (A,) from which Newton's method comes upon the switch, points (m, A) there, and ways across it
+        x = begin.q[switch.moving]
+        slopes = np.zeros_like(x)
+        is_going, is_there = np.ones(x.shape[1], dtype=bool), np.zeros(x.shape[1], dtype=bool)
+        for _ in range(30):
+            found = switch.at(begin, x)
+            value_there, slope = found[0], found[1:]
+            square = (slope * slope).sum(axis=0)
+            is_going &= np.isfinite(value_there) & np.isfinite(square) & (square > 0)
+            step = np.where(is_going, value_there / square * slope, 0.0)
+            x = x - step
+            arrived = is_going & (np.abs(step).max(axis=0) <= doubles.ZERO * begin.size)
+            slopes[:, arrived] = slope[:, arrived] / np.sqrt(square[arrived])
+            is_there |= arrived
+            is_going &= ~arrived
+            if not is_going.any():
+                break
+        numbers = np.flatnonzero(is_there)
+        centres, across = x[:, numbers], begin.size * math.sqrt(doubles.ZERO) * slopes[:, numbers]
         if not numbers.size:
             return False
 
@@ -197,28 +199,6 @@ def jumps(value: Local, argument: ca.SX, inputs: list[ca.SX], begin: Starts) -> 
             at[own] = point(part)
             values.append(value.at(begin, at)[0])
         return bool(sides.value_jumps(tuple(values)).any())
-
-
-def _switch_points(switch: Local, begin: Starts) -> tuple[npt.NDArray[np.intp], Floats, Floats]:
-    """The starts (A,) from which Newton's method comes upon a switch, the points (m, A), and ways across it there."""
-    x = begin.q[switch.moving]
-    slopes = np.zeros_like(x)
-    is_going, is_there = np.ones(x.shape[1], dtype=bool), np.zeros(x.shape[1], dtype=bool)
-    for _ in range(PARAMETERS.newton_steps):
-        found = switch.at(begin, x)
-        value, slope = found[0], found[1:]
-        square = (slope * slope).sum(axis=0)
-        is_going &= np.isfinite(value) & np.isfinite(square) & (square > 0)
-        step = np.where(is_going, value / square * slope, 0.0)
-        x = x - step
-        arrived = is_going & (np.abs(step).max(axis=0) <= doubles.ZERO * begin.size)
-        slopes[:, arrived] = slope[:, arrived] / np.sqrt(square[arrived])
-        is_there |= arrived
-        is_going &= ~arrived
-        if not is_going.any():
-            break
-    numbers = np.flatnonzero(is_there)
-    return numbers, x[:, numbers], begin.size * math.sqrt(doubles.ZERO) * slopes[:, numbers]
 
 
 def is_one_sided(bounds: Bounds) -> bool:

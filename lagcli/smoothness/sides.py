@@ -19,25 +19,17 @@ Flags = npt.NDArray[np.bool_]
 
 
 class SideParameters:
-    """The limits of what differs on two sides, and the search for a switch between two points.
-
-    The tests are of `tests/unit/test_numbers_of_rows.py`.
-    """
+    """The limits of what differs on two sides. The tests are of `tests/unit/test_numbers_of_rows.py`."""
 
     __slots__ = ()
 
     stays: float = 0.3
-    """A jump is this part of the change from farther off, or more: what draws near as the distance shrinks is none, and
-    what grows as much has a pole. `test_what_draws_near_as_the_distance_shrinks_is_no_jump` fails at 0.03 and 3."""
+    """A jump is this part of the change from farther off, or more, and what grows as much has a pole
+    (`test_what_draws_near_as_the_distance_shrinks_is_no_jump`)."""
     grows: float = 10.0
-    """A pole grows by more than this as the distance shrinks. `test_a_pole_grows_by_more_than_ten` fails at 1
-    and 100."""
-    halvings: int = 60
-    """Bisections: an interval of the size of its ends has 53 bits. `test_a_switch_is_found_to_rounding` fails
-    at 6."""
+    """A pole grows by more than this as the distance shrinks (`test_a_pole_grows_by_more_than_ten`)."""
     farther: float = 100.0
-    """And so many times farther off. `test_a_root_across_a_switch_is_no_jump` fails at 10, and
-    `test_a_small_jump_on_a_slope_is_one` at 1000."""
+    """How far off farther is (`test_a_root_across_a_switch_is_no_jump`, `test_a_small_jump_on_a_slope_is_one`)."""
 
 
 PARAMETERS = SideParameters()
@@ -91,7 +83,7 @@ def bracket(
     """The parts (K,) of K ways, or () of one, between which each changes, by halves of those given: as near as so small
     a part of themselves. is_before: tells of a part of each if it lies before the change."""
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
-    for _ in range(PARAMETERS.halvings):
+    for _ in range(60):  # an interval of the size of its ends has 53 bits
         if (high - low <= narrow * np.maximum(np.abs(low), np.abs(high))).all():
             break
         middle = np.asarray((low + high) / 2)

@@ -301,11 +301,9 @@ class _Algebra:
         self._record, self._leaves, self._variables = record, leaves, variables
 
     def number(self, node: tree.Number) -> _Value:
-        """The value of a literal."""
         return _Value(number=intervals.constant(float(node.text)))
 
     def atom(self, node: tree.Name | tree.Member | tree.Index) -> evaluate.Value[_Value]:
-        """The value a name stands for."""
         if isinstance(node, tree.Name):
             if node.name in self._variables:
                 return _Value(number=intervals.constant(self._variables[node.name][:, None].astype(float)))
@@ -322,15 +320,12 @@ class _Algebra:
         return self.atom(argument)
 
     def add(self, node: tree.Node, left: _Value, sign: int, right: _Value) -> _Value:
-        """left + sign right."""
         return self._record.combine("add" if sign > 0 else "sub", left, right)
 
     def negate(self, node: tree.Node, value: _Value) -> _Value:
-        """-value."""
         return self._record.combine("neg", value)
 
     def multiply(self, node: tree.Node, left: _Value, right: _Value) -> _Value:
-        """left right."""
         return self._record.combine("mul", left, right)
 
     def divide(self, node: tree.Node, left: _Value, right: _Value) -> _Value:

@@ -234,14 +234,6 @@ def test_a_switch_is_sought_from_twelve_starts_about_the_state():
     assert jump_search.starts((0.0, np.zeros(2), np.zeros(2)), NOTHING).q.shape == (2, 13)
 
 
-@pytest.mark.parametrize(("power", "is_found"), [(2.0, True), (2.08, False), (3.0, False)])
-def test_a_switch_is_come_upon_in_thirty_newton_steps(power, is_found):
-    # Each leaves 1 - 1/power of the distance.
-    switch = Local(Q * ca.fabs(Q) ** (power - 1), INPUTS, with_slopes=True)
-    numbers, _, _ = jump_search._switch_points(switch, FROM_ONE)
-    assert bool(numbers.size) is is_found
-
-
 def test_a_switch_is_found_to_rounding():
     # A value that turns within a hundredth of the switch is no jump at it.
     value = Local(ca.tanh(1e4 * (Q - 0.3)), INPUTS)
