@@ -1,7 +1,7 @@
 """First integrals as combinations of given functions with constant coefficients: sum_l c_l X_j(m_l) = 0.
 
-Which functions combine, and how, is found in double precision at random points; the constants are then made
-exact: as fractions, or by comparing coefficients where parameters occur (`linear`). The result is a proposal.
+Which functions combine, and how, is found in doubles at random points; the constants are then made exact: as fractions,
+or by comparing coefficients where parameters occur. The result is a proposal.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from itertools import combinations_with_replacement
 from math import comb, lcm
 
@@ -34,6 +35,8 @@ _MANY = 12
 _MAX_DENOMINATOR = 360
 # The highest power of a letter without a relation, beyond every degree that is asked for.
 _UNBOUNDED = 99
+# Values may leave the range of doubles: what is not finite is left out, in `null_vectors` and `Known`.
+_unbounded = partial(np.errstate, over="ignore", invalid="ignore")
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,11 +170,6 @@ class CombinationField:
         return Numbers(along, terms, np.array([f[2][:, :_NEAR] for f in found]))
 
 
-def _unbounded() -> np.errstate:
-    """Arithmetic that may leave the range of doubles: what is not finite is left out, in `null_vectors` and `Known`."""
-    return np.errstate(over="ignore", invalid="ignore")
-
-
 def join(*both: Numbers) -> Numbers:
     """The numbers of the functions of both."""
     along, terms = np.hstack([one.along for one in both]), np.hstack([one.terms for one in both])
@@ -257,9 +255,8 @@ def exact(
     defects: Callable[[sympy.Expr], list[sympy.Expr]],
     constants: frozenset[sympy.Expr],
 ) -> sympy.Expr | None:
-    """The combination with exact constants, free of denominators; `defects` gives what is to vanish.
-
-    Constants that are not fractions of small numbers hold parameters."""
+    """The combination with exact constants, fractions of small numbers or else such as hold parameters, free of
+    denominators; `defects` gives what is to vanish."""
     fractions = {i: Fraction(c).limit_denominator(_MAX_DENOMINATOR) for i, c in vector.items()}
     errors = {i: abs(float(f) - vector[i]) for i, f in fractions.items()}
     if all(error <= doubles.ZERO * max(1.0, abs(vector[i])) for i, error in errors.items()):

@@ -1,8 +1,7 @@
 """Invariant surfaces of a Pfaffian system: p with X_j(p) = K_j p, of which logarithmic integrals are made.
 
-Candidates are the factors of the coefficients, of integrals already known, and of an inverse multiplier V: with
-theta_1 ^ ... ^ theta_C = d(phi_1) ^ ... ^ d(phi_C)/V, X_j(V) = div_j V, which is linear in V (G. Darboux, Bull. Sci.
-Math. 2, 1878; C. G. J. Jacobi's last multiplier is 1/V).
+Candidates are factors of coefficients, of known integrals, and of an inverse multiplier V: theta_1 ^ ... ^ theta_C =
+d(phi_1) ^ ... ^ d(phi_C)/V, X_j(V) = div_j V (G. Darboux, Bull. Sci. Math. 2, 1878; Jacobi's last multiplier is 1/V).
 """
 
 from __future__ import annotations
@@ -47,7 +46,7 @@ def angles(surfaces: Iterable[sympy.Expr], variables: Sequence[sympy.Symbol]) ->
     found = []
     for p in surfaces:
         for x in (x for x in variables if x in p.free_symbols and p.is_polynomial(*variables)):
-            a, b, c = (guarded.poly(p, x).coeff_monomial(x**n) for n in (2, 1, 0))
+            a, b, c = (guarded.Poly(p, x).coeff_monomial(x**n) for n in (2, 1, 0))
             if a == 0 or a.free_symbols & set(variables) or guarded.degree(p, x) != 2:
                 continue
             # 4 a p = (2 a x + b)**2 + (4 a c - b**2)

@@ -49,14 +49,12 @@ class Demand:
 class Flag:
     """The flag beyond the df of the surface.
 
-    dims: dim I^(k) less those of the df, to the one that stays; growth: by how much each term of
-    D, D + [D, D], ... exceeds D, from 0; inside: whether each row lies in I^(oo); integrable: a basis of I^(oo)
-    beyond the df, solved for pivots, shape (dims[-1], n); contradiction: indices of rows of which a combination
-    is a multiple of dt, or empty; special: expressions at whose zeros I' is larger than elsewhere; is_exact: no
-    value was proved not zero by its digits at points of the surface alone; exceptional: expressions of the
-    parameters at whose zeros the flag may be another; vanishing: rows that vanish identically; holonomic_rank: rank of
-    the df; divisors: as those of `function_field.FunctionField`; conditions: what combinations of rows demand that are
-    g dt.
+    dims: dim I^(k) less those of the df, to the one that stays; growth: by how much each term of D, D + [D, D], ...
+    exceeds D, from 0; inside: whether each row lies in I^(oo); integrable: a basis of I^(oo) beyond the df, solved for
+    pivots (dims[-1], n); contradiction: rows of which a combination is a multiple of dt; special: expressions at whose
+    zeros I' is larger; is_exact, divisors: of `function_field.FunctionField`; exceptional: expressions of the
+    parameters at whose zeros the flag may be another; vanishing: rows that vanish identically; holonomic_rank: of the
+    df; conditions: of combinations of rows that are g dt.
     """
 
     dims: tuple[int, ...]
@@ -76,11 +74,10 @@ class Flag:
 def flag(
     block: PfaffianBlock, deadline: float, time: sympy.Symbol | None = None, values: Values | None = None
 ) -> Flag:
-    """The flag of the block; `time` is the variable of which no multiple may lie in I.
+    """The flag of the block for nearly all values of the parameters; `time`: of which no multiple may lie in I.
 
-    It holds for nearly all values of the parameters, and for those of `values` where some are given: else
-    `function_field.ExceptionalError` is raised. Raises `function_field.NotDecidedError` where an entry is neither
-    proved zero nor proved not, at `deadline` (see `progress.after`) and where expressions grow too large.
+    Raises `function_field.ExceptionalError` where it may not hold for given `values`, `function_field.NotDecidedError`
+    where an entry is neither proved zero nor proved not, at `deadline` and where expressions grow too large.
     """
     try:
         return time_limit.run(deadline, lambda: _FlagSearch(block, deadline, time, values or {}).flag())
@@ -133,7 +130,16 @@ class _FlagSearch:
         if counts[-1] == counts[-2]:
             counts.pop()
         extra = tuple(d - surface.count for d in dims)
-        inside = tuple(self._lies_in(row, last) for row in self._declared)
+        inside = []
+        for omega in self._declared:
+            lies_in = True
+            for k in range(len(omega)):
+                rest = [(-omega[p], theta[k]) for p, theta in zip(last.pivots, last.rows, strict=True)]
+                if left := field.checked(field.sum([(field.one, omega[k]), *rest])):
+                    field.require_regular(left)
+                    lies_in = False
+                    break
+            inside.append(lies_in)
         # A basis of I^(oo) without the df: those of its forms that are independent of them
         basis_rows: list[tuple[FracElement, ...]] = list(surface.rows)
         beyond = []
@@ -144,7 +150,7 @@ class _FlagSearch:
         return Flag(
             extra[:-1] if extra[-1] == extra[-2] else extra,
             tuple(counts[0] - d for d in counts),
-            inside,
+            tuple(inside),
             tuple(beyond),
             special=special,
             is_exact=field.is_exact,
@@ -189,15 +195,6 @@ class _FlagSearch:
             if X[k]:
                 terms.append((-self._field.along(Y, a), X[k]))
         return self._field.sum(terms)
-
-    def _lies_in(self, row: Row, last: SolvedForms) -> bool:
-        for k in range(len(row)):
-            rest = [(-row[p], theta[k]) for p, theta in zip(last.pivots, last.rows, strict=True)]
-            left = self._field.checked(self._field.sum([(self._field.one, row[k]), *rest]))
-            if left:
-                self._field.require_regular(left)
-                return False
-        return True
 
     def _conditions(self, remainders: tuple[FracElement, ...]) -> Flag:
         """The g of g dt = 0: their factors that may vanish for some time, which those of time alone do not.

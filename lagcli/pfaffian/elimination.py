@@ -1,8 +1,8 @@
 """Coordinates that a holonomic row gives as a function of the others are eliminated from a Pfaffian system.
 
-f = 0 with f = c x + g, where c is a constant and g does not hold x, is the graph x = -g/c over the other
-coordinates: there the forms are forms in one coordinate less, d(x) = -d(g)/c, and nothing is left of f. Of what is
-left of the surface two more things are used: an ellipse has an angle, and arguments of functions may be constant.
+f = c x + g = 0, where c is a constant and g does not hold x, is the graph x = -g/c: there the forms are forms in one
+coordinate less, d(x) = -d(g)/c. On what is left of the surface an ellipse has an angle, and arguments of functions may
+be constant.
 """
 
 from __future__ import annotations
@@ -29,12 +29,11 @@ _BUDGET = 20_000  # operations for the proof that a constant is not zero
 def eliminated(
     block: forms.PfaffianBlock, parameters: Mapping[sympy.Symbol, sympy.Expr] | None = None
 ) -> tuple[forms.PfaffianBlock, Substitutions]:
-    """The block on the graph of every f of the surface that is linear in a coordinate with a constant coefficient.
+    """The block on the graph of every f of the surface that is linear in a coordinate other than time, with a constant
+    coefficient that is not zero for generic parameters and for those given.
 
-    Time is never eliminated. The block that is left has the same row names, the coordinates that remain, and the
-    f that could not be used; an f that vanishes on the others is dropped. The values of the substitutions hold
-    remaining coordinates only: apply them with `xreplace` to what is looked for. Coefficients are those of
-    generic parameters, and not zero for those given.
+    The block that is left has the coordinates that remain, and the f that could not be used and do not vanish on the
+    others. The values of the substitutions hold remaining coordinates only.
     """
     pending: dict[int, sympy.Expr] = dict(enumerate(block.surface))
     indices = {x: n for n, x in enumerate(block.variables)}
@@ -78,10 +77,8 @@ def pulled_back(
     values: Mapping[sympy.Symbol, sympy.Expr],
     remaining: Sequence[sympy.Symbol],
 ) -> tuple[sympy.Expr, ...]:
-    """The form sum_k coefficients[k] d(variables[k]) (n,) with `values` put in for some of its variables.
-
-    Its coefficients for the variables `remaining`, of which the values are functions.
-    """
+    """The coefficients of the form sum_k coefficients[k] d(variables[k]) (n,) for the variables `remaining`, of which
+    the others are functions, `values`."""
     total = dict.fromkeys(remaining, sympy.Integer(0))
     for x, a in zip(variables, coefficients, strict=True):
         if a == 0:
@@ -98,10 +95,7 @@ def pulled_back(
 def _solution(
     f: sympy.Expr, indices: Mapping[sympy.Symbol, int], parameters: Mapping[sympy.Symbol, sympy.Expr]
 ) -> tuple[sympy.Symbol, sympy.Expr] | None:
-    """(x, value) with f = 0 exactly where x = value, or None: the choice with the shortest value.
-
-    `indices`: the coordinates with their numbers.
-    """
+    """(x, value) with f = 0 exactly where x = value, the shortest there is, or None; `indices`: of the coordinates."""
     # The constant coefficients of the coordinates in the linear terms of f, and the coordinates in the others
     slopes: dict[sympy.Symbol, sympy.Expr] = {}
     coupled: set[sympy.Symbol] = set()
@@ -148,11 +142,9 @@ def _expanded(expression: sympy.Expr) -> sympy.Expr:
 
 
 def in_angles(block: forms.PfaffianBlock) -> tuple[forms.PfaffianBlock, Substitutions]:
-    """The block with an angle instead of two coordinates on every ellipse ((x - a)/A)**2 + ((y - b)/B)**2 = 1.
-
-    x = a + A cos(u) and y = b + B sin(u), where a and b do not hold x and y, and A, B are constant. The second
-    result gives the new angles, their sines and their cosines in the coordinates of the block. An ellipse without
-    two coordinates of its own, of which no other f depends, is left.
+    """The block with an angle instead of two coordinates on every ellipse ((x - a)/A)**2 + ((y - b)/B)**2 = 1 with x
+    and y that no other f holds: x = a + A cos(u), y = b + B sin(u), A and B constant. The second result gives the
+    angles, their sines and their cosines in the coordinates of the block.
     """
     back: Substitutions = {}
     while (found := _own_ellipse(block)) is not None:
@@ -204,11 +196,8 @@ def _own_ellipse(block: forms.PfaffianBlock) -> tuple[sympy.Expr, Pair, Pair, Pa
 
 
 def with_constant_arguments(block: forms.PfaffianBlock) -> forms.PfaffianBlock:
-    """The block with the arguments in its rows that are constant on the polynomial part of its surface replaced.
-
-    sqrt(x**2 + y**2) is 1 where x**2 + y**2 = 1. To the algebra of `normal_form` a function of an argument is a letter
-    of its own, whatever the surface says of the argument.
-    """
+    """The block with the arguments in its rows that are constant on the polynomial part of its surface replaced, as
+    x**2 + y**2 by 1: to `normal_form` a function is a letter of its own, whatever the surface says of its argument."""
     polynomials = [f for f in block.surface if f.is_polynomial(*block.variables)]
     moving = {x for f in polynomials for x in f.free_symbols & set(block.variables)}
     if not moving or not any(a.has(sympy.Function, sympy.Pow) for row in block.rows for a in row):

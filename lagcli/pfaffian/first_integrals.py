@@ -1,9 +1,8 @@
 """First integrals of a completely integrable Pfaffian system (D.3, for rows that are holonomic jointly).
 
-By the theorem of Frobenius C such forms in n variables have C functionally independent integrals phi_a, whose
-differentials span the forms. They are sought "by some hook or crook", cheap ways first: combinations of known
-functions, single forms, linear equations, fewer coordinates. Each counts only when X(phi) = 0 is proved for every field
-of a frame of the kernel, and all together only when they are proved independent.
+By the theorem of Frobenius C such forms have C independent integrals phi_a, whose differentials span the forms. They
+are sought "by some hook or crook", cheap ways first. Each counts only when X(phi) = 0 is proved for every field of a
+frame of the kernel, and all together only when they are proved independent.
 """
 
 from __future__ import annotations
@@ -37,11 +36,10 @@ _SUMS = "as a sum of products with constant coefficients (linear equations for t
 def search(
     block: forms.PfaffianBlock, deadline: float, wanted: int | None = None, budget: int | None = None
 ) -> tuple[SearchResult, ...]:
-    """Verified and independent first integrals of the rows (C, n), at most C; ends at `deadline`.
+    """Verified and independent first integrals of the rows (C, n), as far as closed forms are found until `deadline`.
 
-    The rows are completely integrable, on the surface of the block where it has one; the deadline is one of
-    `progress.after`. Fewer than C, or none, where no closed form was found. Where the rows are not completely
-    integrable, `wanted` tells how many integrals there are. `budget`: of operations for all ways together.
+    wanted: how many there are where the rows are not completely integrable, on the surface of the block; budget: of
+    operations for all ways together.
     """
     real = {s: sympy.Symbol(s.name, real=True) for s in (*block.variables, *block.parameters)}
 
@@ -91,11 +89,10 @@ def one_form(search: IntegralSearch) -> Proposals:
 
 def polynomials(search: IntegralSearch) -> Proposals:
     """Sums of products of the variables and functions that occur in the frame, with constant coefficients."""
-    yield from monomials(search, search.alphabet(), (1, 2, 3))
+    yield from _monomials(search, search.alphabet(), (1, 2, 3))
 
 
-def monomials(search: IntegralSearch, letters: combinations.Alphabet, degrees: Sequence[int]) -> Proposals:
-    """Sums of products of the letters."""
+def _monomials(search: IntegralSearch, letters: combinations.Alphabet, degrees: Sequence[int]) -> Proposals:
     for degree in degrees:
         if degree > 1 and not letters.largest(degree):
             return
@@ -136,7 +133,7 @@ def turned(search: IntegralSearch) -> Proposals:
         for e, highest in zip(letters.letters, letters.highest, strict=True)
         if e not in cyclic and not any(e in f.free_symbols for f in angles)
     ]
-    yield from monomials(search, combinations.Alphabet(*zip(*pairs, strict=True)), (2, 3))
+    yield from _monomials(search, combinations.Alphabet(*zip(*pairs, strict=True)), (2, 3))
 
 
 def rational(search: IntegralSearch) -> Proposals:
@@ -146,7 +143,7 @@ def rational(search: IntegralSearch) -> Proposals:
     if search.block.surface or not below.free_symbols & set(search.frame.variables):
         return
     reciprocals = [1 / q for q in factors if below.has(q) or not q.is_Symbol]
-    yield from monomials(search, search.alphabet(*reciprocals[:MAX_RECIPROCALS]), (1, 2, 3))
+    yield from _monomials(search, search.alphabet(*reciprocals[:MAX_RECIPROCALS]), (1, 2, 3))
 
 
 def products(search: IntegralSearch) -> Proposals:
@@ -180,7 +177,7 @@ def invariant_surfaces(search: IntegralSearch) -> Proposals:
     yield from products(search)
     for q in search.factors:
         if not q.is_Symbol:
-            yield from monomials(search, search.alphabet(1 / q), (2, 3))
+            yield from _monomials(search, search.alphabet(1 / q), (2, 3))
 
 
 def single_rows(search: IntegralSearch) -> Proposals:
@@ -254,35 +251,28 @@ def _solved(f: sympy.Expr, variables: Sequence[sympy.Symbol]) -> tuple[sympy.Sym
 
 
 def linear_flow(search: IntegralSearch) -> Proposals:
-    """One field, with linear equations x' = A x + b(s)."""
-    if not search.block.surface and len(search.frame.free) == 1:
-        how = "as the solution of linear differential equations"
-        yield from (SearchResult(u, how) for u in linear(search.frame) or ())
-
-
-def linear(frame: frames.KernelFrame) -> tuple[sympy.Expr, ...] | None:
-    """The integrals exp(-A s) x - int exp(-A s) b ds (C,) along the free variable s.
-
-    None unless the equations are linear with constant matrix.
-    """
+    """Of one field, with linear equations x' = A x + b(s), exp(-A s) x - int exp(-A s) b ds (C,)."""
+    frame = search.frame
+    if search.block.surface or len(frame.free) != 1:
+        return
     s = frame.variables[frame.free[0]]
     x = sympy.Matrix([frame.variables[p] for p in frame.pivots])
     speeds = sympy.Matrix([guarded.expand(row[0]) for row in frame.solved])
     moving = {*x, s}
     A = speeds.jacobian(x)
     if any(e.free_symbols & moving for e in A):
-        return None
+        return
     b = (speeds - A * x).applyfunc(guarded.expand)
     if any(e.free_symbols & set(x) for e in b):
-        return None
+        return
     back = _exponential(A, -s)
     if back is None:
-        return None
+        return
     drift = []
     for e in back * b:
         found = potential.antiderivative(guarded.expand(e), s)
         if found is None:
-            return None
+            return
         drift.append(found)
     # Rows l with l A = k l for all rational k, where there are enough of them; else the unit matrix.
     rows = []
@@ -291,7 +281,8 @@ def linear(frame: frames.KernelFrame) -> tuple[sympy.Expr, ...] | None:
             if value.is_Rational:
                 rows += [(v * sympy.ilcm(1, *(e.q for e in v))).T for v in vectors]
     weights = sympy.Matrix.vstack(*rows) if len(rows) == A.rows else sympy.eye(A.rows)
-    return tuple((weights * (back * x - sympy.Matrix(drift))).applyfunc(guarded.expand))
+    for phi in (weights * (back * x - sympy.Matrix(drift))).applyfunc(guarded.expand):
+        yield SearchResult(phi, "as the solution of linear differential equations")
 
 
 def _exponential(A: sympy.Matrix, s: sympy.Expr) -> sympy.Matrix | None:

@@ -1,16 +1,14 @@
 """The verdict for one differential constraint by itself (D.3): exact, integrable, nonholonomic or undecided.
 
-A form omega is exact where d omega = 0; it has an integrating factor mu, mu omega = d phi, where omega ^ d
-omega = 0 (Frobenius; always so in two variables); otherwise no such mu exists, and a component of omega ^ d
-omega that does not vanish is the witness. Verdicts hold for generic values of the parameters and wherever
-the form is defined and not zero; parameter values at which a verdict may change are in
-`Verdict.exceptional`.
+A form omega is exact where d omega = 0; it has an integrating factor mu, mu omega = d phi, where omega ^ d omega = 0
+(Frobenius; always so in two variables); otherwise a component of omega ^ d omega that does not vanish is the witness
+that no such mu exists. Verdicts hold for generic values of the parameters, wherever the form is defined and not zero.
 """
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
@@ -54,10 +52,9 @@ class FrobeniusWitness:
 class FormVerdict:
     """The proved facts of one form.
 
-    `integrating_factor` * omega = d `integral`, both None where no closed form is known; the factor of an
-    exact form is 1. `method` is a sentence for the user. `exceptional` holds expressions of the parameters
-    at whose zeros the verdict or the integral may be another one; `special` holds irreducible expressions in the
-    variables of a nonholonomic form: where one of them is zero, all of omega ^ d omega vanishes.
+    `integrating_factor` * omega = d `integral`, both None where no closed form is known; `method`: a sentence for the
+    user; `exceptional`: expressions of the parameters at whose zeros the verdict or the integral may
+    be another; `special`: irreducible expressions at whose zeros all of omega ^ d omega vanishes.
     """
 
     kind: Kind
@@ -68,22 +65,6 @@ class FormVerdict:
     witness: FrobeniusWitness | None = None
     exceptional: tuple[sympy.Expr, ...] = ()
     special: tuple[sympy.Expr, ...] = ()
-
-    def in_symbols(self, symbols: Mapping[sympy.Symbol, sympy.Symbol]) -> FormVerdict:
-        """The verdict with other symbols in place of its own."""
-        witness = self.witness
-        if witness is not None:
-            i, j, k = (symbols[x] for x in witness.variables)
-            witness = replace(witness, variables=(i, j, k), component=witness.component.xreplace(symbols))
-        mu = self.integrating_factor
-        return replace(
-            self,
-            integral=None if self.integral is None else self.integral.xreplace(symbols),
-            integrating_factor=None if mu is None else mu.xreplace(symbols),
-            witness=witness,
-            exceptional=tuple(e.xreplace(symbols) for e in self.exceptional),
-            special=tuple(e.xreplace(symbols) for e in self.special),
-        )
 
 
 def classify(form: forms.Form, deadline: float) -> FormVerdict:
@@ -98,7 +79,7 @@ def classify(form: forms.Form, deadline: float) -> FormVerdict:
         tuple(forms.plain(a.xreplace(real)) for a in form.coefficients),
         tuple(real[p] for p in form.parameters),
     )
-    return _judge(prepared, deadline).in_symbols({r: s for s, r in real.items()})
+    return forms.in_symbols(_judge(prepared, deadline), {r: s for s, r in real.items()})
 
 
 def _judge(form: forms.Form, deadline: float) -> FormVerdict:
@@ -169,7 +150,7 @@ def _potential(form: forms.Form, deadline: float) -> sympy.Expr | None:
 def _frobenius(form: forms.Form, deadline: float) -> FormVerdict:
     """Tell if omega ^ d omega = 0. With one A_k != 0 the components that hold k suffice."""
     size = [a.count_ops() for a in form.coefficients]
-    k = min((i for i, a in enumerate(form.coefficients) if a != 0), key=lambda i: (size[i], i))
+    k = form.simplest
     active = [i for i in form.active() if i != k]
     if len(active) < 2:
         text = "A form in two variables always has an integrating factor."

@@ -50,11 +50,10 @@ class SolvedForms:
 
 
 class FunctionField:
-    """The field of a block. `values` of the parameters: no divisor may vanish for them.
+    """The field of a block; no divisor may vanish for the `values` of the parameters.
 
-    `is_exact`: no entry was proved not zero by its digits at points of a surface alone; `exceptional`: factors of
-    divisors that hold parameters alone; `remainders`: what the rows solved last had left in the column `last` where
-    nothing else was left. Raises `normal_form.NoNormalFormError`.
+    `exceptional`: factors of divisors that hold parameters alone; `remainders`: what the rows solved last had left in
+    the column `last` where nothing else was left. Raises `normal_form.NoNormalFormError`.
     """
 
     def __init__(self, block: PfaffianBlock, deadline: float, values: Values) -> None:
@@ -95,7 +94,7 @@ class FunctionField:
 
     @property
     def is_exact(self) -> bool:
-        """True if no entry was told from zero by digits alone."""
+        """True if no entry was proved not zero by its digits at points of the surface alone."""
         return not (self._block.surface and self._proved)
 
     def rows(self, table: Iterable[Iterable[sympy.Expr]]) -> list[Row]:

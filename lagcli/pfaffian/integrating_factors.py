@@ -1,16 +1,15 @@
 """Integrals of an integrable form "by some hook or crook" (D.3): one strategy after the other, each result verified.
 
-A strategy proposes a first integral phi or an integrating factor mu; phi counts only when mu omega = d phi has been
-proved for mu = phi_k/A_k. Most proposals have unknown constants, found by solving linear equations d phi ^ omega = 0 or
-d(mu omega) = 0. For an integrable omega it is enough to ask for the components (i, k) with one fixed k, A_k != 0: a
-2-form eta with omega ^ eta = 0 is beta ^ omega, and beta may be chosen with beta_k = 0. The factors of the coefficients
-are the natural Darboux polynomials (G. Darboux, Bull. Sci. Math. 2, 1878); mu = 1/V with V d omega = dV ^ omega is the
-inverse integrating factor.
+A strategy proposes a first integral phi or an integrating factor mu; phi counts only when mu omega = d phi is proved
+for mu = phi_k/A_k. Most proposals have unknown constants, from linear equations d phi ^ omega = 0 or d(mu omega) = 0.
+For an integrable omega the components (i, k) with one fixed k, A_k != 0, are enough: a 2-form eta with omega ^ eta = 0
+is beta ^ omega, with beta_k = 0. The factors of the coefficients are the natural Darboux polynomials (G. Darboux, Bull.
+Sci. Math. 2, 1878); 1/V with V d omega = dV ^ omega is the inverse integrating factor.
 """
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial, reduce
 from itertools import combinations, combinations_with_replacement
 from typing import TypeVar
@@ -68,10 +67,8 @@ def search(form: forms.Form, deadline: float) -> FactorResult | None:
 
 
 def primitive(form: forms.Form) -> forms.Form:
-    """The form divided by the common factor of its coefficients, and without inactive variables.
-
-    The form itself where there is no normal form.
-    """
+    """The form divided by the common factor of its coefficients, without inactive variables; as it is where it has no
+    normal form."""
     try:
         basis = normal_form.NormalForm(form.coefficients)
         entries = [basis.element(a) for a in form.coefficients]
@@ -83,13 +80,13 @@ def primitive(form: forms.Form) -> forms.Form:
     slim = [basis.remainder(p.exquo(common)) for p in above]
     scale = reduce(lambda a, b: a.lcm(b), (basis.ring(p.clear_denoms()[0]) for p in slim), basis.ring.one)
     written = tuple(basis.expression(p * scale) for p in slim)
-    return _active_part(forms.Form(form.name, form.variables, written, form.parameters))
+    return _active_part(replace(form, coefficients=written))
 
 
 def _active_part(form: forms.Form) -> forms.Form:
-    active = form.active()
     x, a = form.variables, form.coefficients
-    return forms.Form(form.name, tuple(x[i] for i in active), tuple(a[i] for i in active), form.parameters)
+    active = form.active()
+    return replace(form, variables=tuple(x[i] for i in active), coefficients=tuple(a[i] for i in active))
 
 
 def _attempt(work: Callable[[], Value], deadline: float, budget: int = STEP) -> Value | None:
@@ -103,15 +100,12 @@ def _attempt(work: Callable[[], Value], deadline: float, budget: int = STEP) -> 
 
 def _closed(form: forms.Form, factor: sympy.Expr) -> sympy.Expr | None:
     """The potential of factor * omega, if that is exact."""
-    scaled = form.times(factor)
+    scaled = replace(form, coefficients=tuple(factor * a for a in form.coefficients))
     if not all(map(_vanishes, [c for _, c in scaled.curls()])):
         return None
     slim = tuple(tidy_integral.ratio(a * factor, sympy.Integer(1)) for a in form.coefficients)
-    for coefficients in dict.fromkeys((slim, scaled.coefficients)):
-        phi = potential.of(forms.Form(form.name, form.variables, coefficients, form.parameters))
-        if phi is not None:
-            return phi
-    return None
+    ways = (replace(form, coefficients=way) for way in dict.fromkeys((slim, scaled.coefficients)))
+    return next((phi for phi in map(potential.of, ways) if phi is not None), None)
 
 
 def _vanishes(expression: sympy.Expr) -> bool:
@@ -140,7 +134,7 @@ def _verified(form: forms.Form, phi: sympy.Expr, deadline: float) -> sympy.Expr 
     if not potential.writable(phi):
         return None
     gradient = [forms.partial(phi, x) for x in form.variables]
-    k, coefficients = _pivot(form), form.coefficients
+    k, coefficients = form.simplest, form.coefficients
     for i, a in enumerate(coefficients):
         if i != k:
             minor = zero_test.is_zero(gradient[i] * coefficients[k] - gradient[k] * a, deadline)
@@ -158,12 +152,6 @@ def _verified(form: forms.Form, phi: sympy.Expr, deadline: float) -> sympy.Expr 
     mu = min(ways, key=lambda way: (way.count_ops(), len(str(way))))
     sound = zero_test.is_zero(mu * coefficients[k] - gradient[k], deadline).truth is zero_test.Truth.YES
     return mu if sound else tidy_integral.ratio(gradient[k], coefficients[k])
-
-
-def _pivot(form: forms.Form) -> int:
-    """The index of the simplest coefficient that is not zero."""
-    candidates = [i for i, a in enumerate(form.coefficients) if a != 0]
-    return min(candidates, key=lambda i: (form.coefficients[i].count_ops(), i))
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,14 +228,14 @@ def _products(form: forms.Form, parts: Pieces) -> Hints:
 
 def _minors(form: forms.Form, parts: Pieces) -> list[list[sympy.Expr]]:
     """Of d piece ^ omega the components (i, k), for every piece."""
-    a, k = form.coefficients, _pivot(form)
+    a, k = form.coefficients, form.simplest
     others = [i for i in range(len(a)) if i != k]
     return [[g[i] * a[k] - g[k] * a[i] for i in others] for g in parts.gradients(form.variables)]
 
 
 def _product_factor(form: forms.Form, parts: Pieces) -> Hints:
     """mu = product of powers p_j^a_j times exp(sum b_l m_l) with d(mu omega) = 0."""
-    k = _pivot(form)
+    k = form.simplest
     columns = _minors(form, parts)
     columns.append([form.curl(i, k) for i in range(len(form.variables)) if i != k])
     for v in constant_combinations.null_vectors(columns, frozenset(form.parameters)):
@@ -259,8 +247,8 @@ def _product_factor(form: forms.Form, parts: Pieces) -> Hints:
 def _one_variable(form: forms.Form, parts: Pieces) -> Hints:
     """mu = product of powers p_j^a_j times an unknown function of the variable m, with d(mu omega) = 0.
 
-    Covers factors of one variable, linear and Bernoulli equations and separable ones. Its derivative h'
-    follows from the component (m, k) and must not depend on the other variables, which is linear in the a_j.
+    Linear, Bernoulli and separable equations have one. Its derivative h' follows from the component (m, k), and that it
+    does not depend on the other variables is linear in the a_j.
     """
     a, x = form.coefficients, form.variables
     parts = Pieces(parts.factors, ())
@@ -285,9 +273,9 @@ def _one_variable(form: forms.Form, parts: Pieces) -> Hints:
             constants = [guarded.cancel(c / v[-1]) for c in v]
             terms = (c * rate for c, (_, rate) in zip(constants, ways, strict=True))
             rate = _function_of(-sum(terms, sympy.Integer(0)), x, m)
-            primitive = None if rate is None else potential.antiderivative(rate, x[m])
-            if primitive is not None:
-                powers = sympy.exp(guarded.expand(primitive))
+            logarithm = None if rate is None else potential.antiderivative(rate, x[m])
+            if logarithm is not None:
+                powers = sympy.exp(guarded.expand(logarithm))
                 growth = guarded.powsimp(guarded.expand_log(powers, force=True))
                 yield Hint(parts.exponential(constants[:-1]) * growth)
                 break
@@ -333,7 +321,7 @@ def _one_combination(form: forms.Form, parts: Pieces) -> Hints:
 
 def _rate(form: forms.Form, u: sympy.Expr, pair: tuple[sympy.Symbol, sympy.Symbol]) -> sympy.Expr | None:
     """mu'/mu = -(d omega)_ik/(du ^ omega)_ik if that is a function of u alone."""
-    a, v, k = form.coefficients, form.variables, _pivot(form)
+    a, v, k = form.coefficients, form.variables, form.simplest
     i = next(n for n, x in enumerate(v) if x in pair and n != k)
     wedge = forms.partial(u, v[i]) * a[k] - forms.partial(u, v[k]) * a[i]
     if _vanishes(wedge):
@@ -346,11 +334,8 @@ def _rate(form: forms.Form, u: sympy.Expr, pair: tuple[sympy.Symbol, sympy.Symbo
 
 
 def _inverse_polynomial(form: forms.Form, parts: Pieces) -> Hints:
-    """Polynomials V in the letters with V d omega = dV ^ omega: 1/V is an integrating factor.
-
-    The factors of V are invariant surfaces: products of their powers come first.
-    """
-    a, x, k = form.coefficients, form.variables, _pivot(form)
+    """Polynomials V in the letters with V d omega = dV ^ omega, whose factors are invariant surfaces."""
+    a, x, k = form.coefficients, form.variables, form.simplest
     curls = {i: form.curl(i, k) for i in range(len(a)) if i != k}
     for degree in (2, 4, 5):
         basis = normal_form.NormalForm([*a, *x])

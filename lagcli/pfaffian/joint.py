@@ -219,23 +219,17 @@ class Memo:
         # Every name that differs is that of a member, `x[1]`: it is then told from words in a sentence.
         if not all(x == y or "[" in x.name for x, y in renamed.items()):
             return frobenius.classify(form, deadline)
-        moved = verdict.in_symbols(renamed)
         names = {x.name: y.name for x, y in renamed.items() if x != y}
+        moved = forms.in_symbols(verdict, renamed | names)
         if not names:
             return moved
         longest_first = sorted(map(re.escape, names), key=len, reverse=True)
         written = re.compile(rf"(?<!\w)(?:{'|'.join(longest_first)})(?!\w)")
-        moved = replace(moved, method=written.sub(lambda m: names[m[0]], verdict.method))
-        witness = moved.witness
-        if witness is None or witness.value is None:
-            return moved
-        point = tuple((names.get(name, name), number) for name, number in witness.value.point)
-        return replace(moved, witness=replace(witness, value=replace(witness.value, point=point)))
+        return replace(moved, method=written.sub(lambda m: names[m[0]], verdict.method))
 
     def flagged(self, block: PfaffianBlock, time: sympy.Symbol, values: Values, deadline: float) -> Flagged:
         """Find the flag as `flagged` does."""
-        renaming, found = self._of_block("flag", block, lambda: flagged(block, time, values, deadline))
-        return found if renaming is None else renaming.flagged(found)
+        return self._of_block("flag", block, lambda: flagged(block, time, values, deadline))
 
     def solution(
         self,
@@ -245,51 +239,15 @@ class Memo:
         deadline: float,
     ) -> Solution:
         """Solve as `solution` does, with the `found` flag of the block."""
-        renaming, solved = self._of_block("solution", block, lambda: solution(found, verdicts, deadline))
-        return solved if renaming is None else renaming.solution(solved)
+        return self._of_block("solution", block, lambda: solution(found, verdicts, deadline))
 
-    def _of_block(self, kind: str, block: PfaffianBlock, find: Callable[[], T]) -> tuple[_Renaming | None, T]:
-        """What is found for a block, or for one alike and how that is renamed."""
+    def _of_block(self, kind: str, block: PfaffianBlock, find: Callable[[], T]) -> T:
+        """What is found for a block, or for one that differs in the names of its coordinates and rows alone."""
         numbered = self._numbered(block.variables)
         rows = tuple(tuple(a.xreplace(numbered) for a in row) for row in block.rows)
         pattern = kind, rows, tuple(f.xreplace(numbered) for f in block.surface), block.parameters
         known, found = self._blocks.answer(pattern, lambda: (block, find()))
-        return None if known is block else _Renaming(known, block), found
-
-
-class _Renaming:
-    """From one block to another that differs in the names of its coordinates and rows alone."""
-
-    def __init__(self, known: PfaffianBlock, block: PfaffianBlock) -> None:
-        self._rows = dict(zip(known.names, block.names, strict=True))
-        self._symbols = dict(zip(known.variables, block.variables, strict=True))
-        self._symbols |= {differential(x): differential(y) for x, y in self._symbols.items()}
-
-    def flagged(self, found: Flagged) -> Flagged:
-        block, flag = found.block, found.flag
-        moved = PfaffianBlock(
-            tuple(self._rows[name] for name in block.names),
-            tuple(self._symbols[x] for x in block.variables),
-            tuple(map(self._each, block.rows)),
-            block.parameters,
-            self._each(block.surface),
-        )
-        values = {self._symbols[x]: value.xreplace(self._symbols) for x, value in found.values.items()}
-        flag = replace(
-            flag,
-            integrable=tuple(map(self._each, flag.integrable)),
-            special=self._each(flag.special),
-            divisors=tuple(e if e is None else e.xreplace(self._symbols) for e in flag.divisors),
-            conditions=tuple(replace(one, factors=self._each(one.factors)) for one in flag.conditions),
-        )
-        return Flagged(moved, values, flag)
-
-    def solution(self, found: Solution) -> Solution:
-        integrals = (
-            JointIntegral(one.phi.xreplace(self._symbols), tuple(self._rows[name] for name in one.rows))
-            for one in found.integrals
-        )
-        return Solution(tuple(integrals), self._each(found.unsolved))
-
-    def _each(self, expressions: Iterable[sympy.Expr]) -> tuple[sympy.Expr, ...]:
-        return tuple(e.xreplace(self._symbols) for e in expressions)
+        renamed = dict(zip(known.variables, block.variables, strict=True))
+        renamed |= {differential(x): differential(y) for x, y in renamed.items()}
+        renamed |= zip(known.names, block.names, strict=True)
+        return found if known is block else forms.in_symbols(found, renamed)

@@ -1,8 +1,7 @@
 """A first integral phi -> charts in which its level surfaces are enforced: quotients without poles and jumps.
 
-phi = const is above * below(0) - below * above(0) = 0 for every quotient above/below that is phi or a monotone
-function of it. So a pole of phi is a zero of `below` and no pole of the chart; roots, logarithms and angles are
-removed by functions of phi:
+phi = const is above * below(0) - below * above(0) = 0 for every quotient above/below that is phi or a monotone function
+of it: a pole of phi is none of the chart, and roots, logarithms and angles are removed by functions of phi:
 
     product of powers        the exponents as integers without common divisor, positive ones above
     sums with logarithms     exp(phi)
@@ -14,8 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from functools import reduce
-from math import gcd, lcm
 
 import sympy
 
@@ -95,8 +92,8 @@ def _of_angles(phi: sympy.Expr, variables: Variables) -> tuple[invariant.LevelFu
     ratios = [guarded.cancel(c / first) for c, _, _ in angles]
     if not all(r.is_Rational for r in ratios):
         return ()
-    numbers, scale = _coprime_integers(ratios)
-    unit = guarded.cancel(first / scale)
+    scale = tidy_integral.coprime_scale(ratios)
+    numbers, unit = [int(n * scale) for n in ratios], guarded.cancel(first / scale)
     rest = _untangled(rest)
     u = guarded.expand(rest / unit)
     result = []
@@ -129,9 +126,9 @@ def _quotients(phi: sympy.Expr, variables: Variables) -> list[Quotient]:
     numbers = list(powers.values())
     if not all(n.is_Rational for n in numbers):
         return [_split(powers, exponential)]
-    integers, scale = _coprime_integers(numbers)
+    scale = tidy_integral.coprime_scale(numbers)
+    integers, bases = [int(n * scale) for n in numbers], list(powers)
     exponential *= scale
-    bases = list(powers)
     whole = dict(zip(bases, map(sympy.Integer, integers), strict=True))
     found = [_split(whole, exponential)]
     if exponential != 0:
@@ -183,7 +180,7 @@ def _cancelled(phi: sympy.Expr) -> sympy.Expr:
                 phi *= factor
                 continue
             degree = guarded.degree(base, w)
-            homogeneous = sum(a * s**k * c ** (degree - k) for (k,), a in guarded.poly(base, w).terms())
+            homogeneous = sum(a * s**k * c ** (degree - k) for (k,), a in guarded.Poly(base, w).terms())
             phi *= (guarded.trigsimp(homogeneous) / c**degree) ** n
     return phi
 
@@ -211,13 +208,6 @@ def _split(powers: dict[sympy.Expr, sympy.Expr], exponential: sympy.Expr) -> Quo
     above = sympy.Mul(*(b**n for b, n in powers.items() if not n.is_negative))
     below = sympy.Mul(*(b**-n for b, n in powers.items() if n.is_negative))
     return above * sympy.exp(guarded.expand(exponential)), below
-
-
-def _coprime_integers(numbers: list[sympy.Rational]) -> tuple[list[int], sympy.Rational]:
-    """Rational numbers as integers without common divisor, and what they were multiplied by, positive."""
-    below = reduce(lcm, (int(n.q) for n in numbers), 1)
-    common = reduce(gcd, (int(n.p) * (below // int(n.q)) for n in numbers), 0) or 1
-    return [int(n.p) * (below // int(n.q)) // common for n in numbers], sympy.Rational(below, common)
 
 
 def _is_regular(expression: sympy.Expr, variables: Variables) -> bool:

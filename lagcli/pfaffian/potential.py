@@ -226,7 +226,7 @@ def _solved(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
     if not above.has(x) and below.is_polynomial(x) and guarded.degree(below, x) == 2:
         # k/(a x**2 + b x + c) where the sign of D = 4 a c - b**2 depends on parameters: as for D > 0. Where D < 0 the
         # root is not real, and the values of the parameters are to be put in first.
-        a, b, c = guarded.poly(below, x).all_coeffs()
+        a, b, c = guarded.Poly(below, x).all_coeffs()
         square = guarded.factor(4 * a * c - b**2)
         if square.is_positive is None and square.is_negative is None and square != 0:
             root = sympy.sqrt(square)
@@ -280,7 +280,7 @@ def _by_roots(e: sympy.Expr, x: sympy.Symbol, roots: list[sympy.Expr]) -> Iterat
     bases = sorted({p.base for p in roots}, key=str)
     if not all(base.is_polynomial(x) for base in bases):
         return
-    polynomials = [guarded.poly(base, x) for base in bases]
+    polynomials = [guarded.Poly(base, x) for base in bases]
     degrees = [p.degree() for p in polynomials]
     ways: list[tuple[sympy.Expr, sympy.Expr]] = []
     if degrees == [1]:
@@ -320,7 +320,7 @@ def _by_roots(e: sympy.Expr, x: sympy.Symbol, roots: list[sympy.Expr]) -> Iterat
 
 def _without_odd(written: sympy.Expr, r: sympy.Symbol, square: sympy.Expr) -> sympy.Expr | None:
     """A rational function of r**2 = `square` in terms of that; None where it holds r itself."""
-    parts = [guarded.poly(part, r) for part in sympy.fraction(written)]
+    parts = [guarded.Poly(part, r) for part in sympy.fraction(written)]
     if len({n % 2 for part in parts for (n,) in part.monoms()}) > 1:
         return None
     above, below = (

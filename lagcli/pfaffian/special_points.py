@@ -1,10 +1,9 @@
 """Points in the symbols of a block: what vanishes on all of them, equations that say so, and what motions keep to.
 
-A start is known to as many digits as are asked for: it is decimals and expressions, and where it was moved onto the
-surface that was done to 50 digits. An expression vanishes there where these leave nothing of it. Other points are those
-that motions were followed to, in doubles; what vanishes there but for their rounding may be zero, and where it is has
-to be proved. Each value goes with the sum of what it would change by if every coordinate and every intermediate result
-changed by its own size; one far below that is what cancellation leaves.
+A start is known to 50 digits: it is decimals and expressions, or was moved onto the surface so. An expression vanishes
+there where these leave nothing of it. Other points are those that motions were followed to, in doubles; that what
+vanishes there but for rounding is zero has to be proved. Each value goes with the sum of what it would change by if
+every coordinate and every intermediate result changed by its own size; one far below that is what cancellation leaves.
 
 A motion along the fields X of D = ker I keeps to a place e = 0 where e and all its derivatives X(e), X(Y(e)), ...
 vanish at the start: rows are analytic. On e = 0 the X(e) may vanish identically, and then it is kept; one that does not
@@ -31,18 +30,6 @@ from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.form import PfaffianBlock
 from lagcli.pfaffian.function_field import FunctionField, NotDecidedError
 
-
-class SpecialPointParameters:
-    """Round-off of points and values. The tests named here are those of `tests/unit/test_special_points.py`."""
-
-    __slots__ = ()
-
-    zero: float = 1e-40
-    """At a start it is zero below this part, which 50 digits leave where terms cancel:
-    `test_at_a_start_an_expression_vanishes_to_forty_digits` fails at 1e-41 and at 1e-39."""
-
-
-PARAMETERS = SpecialPointParameters()
 # Derivatives of derivatives: a place of more generations is left open.
 GENERATIONS = 8
 Doubles = Mapping[sympy.Symbol, float]
@@ -52,10 +39,8 @@ Symbol: TypeAlias = sympy.Symbol
 
 @dataclass(frozen=True, slots=True)
 class SpecialPoint:
-    """Coordinates, time and parameters as doubles, by their symbols; `digits`: the same to 50 digits, of a start.
-
-    sizes: of coordinates that were computed, the size of what they were computed from; others have their own.
-    """
+    """Coordinates, time and parameters as doubles, by their symbols; digits: the same to 50 digits, of a start; sizes:
+    of what coordinates were computed from, others have their own."""
 
     doubles: Doubles
     digits: Mapping[sympy.Symbol, Fraction] | None = None
@@ -105,7 +90,7 @@ def _is_small(expression: sympy.Expr, point: SpecialPoint, otherwise: bool) -> b
             return otherwise
         if point.digits is None or abs(value) > doubles.ZERO * size:
             return abs(value) <= doubles.ZERO * size
-        return bool(abs(enclosure.middle(expression, point.digits)) <= PARAMETERS.zero * size)
+        return bool(abs(enclosure.middle(expression, point.digits)) <= enclosure.CANCELLED * size)
     except (ArithmeticError, ValueError, enclosure.NoValueError):
         return otherwise
 

@@ -86,7 +86,7 @@ def _tangents(expression: sympy.Expr) -> sympy.Expr:
     tangent, cosine = sympy.Dummy("t"), sympy.Dummy("c")
     for u in sorted({f.args[0] for f in expression.atoms(sympy.sin)}, key=str):
         written = expression.xreplace({sympy.sin(u): tangent * cosine, sympy.cos(u): cosine})
-        parts = [guarded.poly(p, cosine) for p in sympy.fraction(guarded.cancel(written))]
+        parts = [guarded.Poly(p, cosine) for p in sympy.fraction(guarded.cancel(written))]
         if any(n % 2 for p in parts for (n,) in p.monoms()) or written.has(u):
             continue
         above, below = (sum(a * (1 + tangent**2) ** (-n // 2) for (n,), a in p.terms()) for p in parts)
@@ -211,7 +211,7 @@ def _exponentiated(phi: sympy.Expr, variables: tuple[sympy.Symbol, ...]) -> symp
         return phi
     exponents = [guarded.cancel(c / logs[0][0]) for c, _ in logs]
     if all(n.is_Rational for n in exponents):
-        scale = _scale(exponents)
+        scale = _turning_scale(exponents)
     else:
         scale = reduce(guarded.lcm, (sympy.fraction(n)[1] for n in exponents))
     exponents = [guarded.cancel(n * scale) for n in exponents]
@@ -226,15 +226,16 @@ def _exponentiated(phi: sympy.Expr, variables: tuple[sympy.Symbol, ...]) -> symp
     return product * sympy.exp(left)
 
 
-def _scale(numbers: list[sympy.Rational]) -> sympy.Rational:
-    """The factor that turns the numbers into integers without common divisor, most of them positive."""
-    above, below = 0, 1
-    for n in numbers:
-        above, below = gcd(above, int(n.p)), lcm(below, int(n.q))
-    if above == 0:
-        return sympy.Integer(1)
-    sign = -1 if sum(1 if n > 0 else -1 for n in numbers) < 0 else 1
-    return sympy.Rational(sign * below, above)
+def coprime_scale(numbers: list[sympy.Rational]) -> sympy.Rational:
+    """The positive factor that turns rational numbers into integers without common divisor."""
+    above, below = gcd(*(int(n.p) for n in numbers)), lcm(*(int(n.q) for n in numbers))
+    return sympy.Rational(below, above) if above else sympy.Integer(1)
+
+
+def _turning_scale(numbers: list[sympy.Rational]) -> sympy.Rational:
+    """The factor that also makes most of them positive."""
+    is_turning = sum(1 if n > 0 else -1 for n in numbers) < 0
+    return -coprime_scale(numbers) if is_turning else coprime_scale(numbers)
 
 
 def _root_free(phi: sympy.Expr, variables: tuple[sympy.Symbol, ...]) -> sympy.Expr:
@@ -244,7 +245,7 @@ def _root_free(phi: sympy.Expr, variables: tuple[sympy.Symbol, ...]) -> sympy.Ex
     if not all(n.is_Rational for n in powers.values()):
         return phi
     plain = [n for b, n in powers.items() if not isinstance(b, sympy.exp)]
-    scale = _scale(plain) if plain else sympy.Integer(1)
+    scale = _turning_scale(plain)
     raised = []
     for b, n in factors.items():
         is_exponential = isinstance(b, sympy.exp)

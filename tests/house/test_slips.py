@@ -16,8 +16,9 @@ import sympy
 import lagcli
 from lagcli import progress
 from lagcli.derivation.symbolic import tidy
-from lagcli.pfaffian import first_integrals, kernel_frame
+from lagcli.pfaffian import first_integrals, integral_search
 from lagcli.pfaffian.exact import guarded, sampling, time_limit
+from lagcli.pfaffian.forms.form import PfaffianBlock
 
 HEAD = """\
 lagcli: 1
@@ -149,10 +150,12 @@ def test_failures_hold_no_slip() -> None:
 
 
 def test_one_linear_equation_is_solved() -> None:
-    frame = kernel_frame.of([[sympy.Integer(1), -3 * x]], (x, y), ())
-    integrals = first_integrals.linear(frame)
-    assert integrals is not None
-    assert sympy.expand(integrals[0] - x * sympy.exp(-3 * y)) == 0
+    block = PfaffianBlock(("row",), (x, y), ((sympy.Integer(1), -3 * x),))
+    search = integral_search.IntegralSearch(
+        block, [(first_integrals.linear_flow, 10_000)], progress.after(20)
+    )
+    search.run()
+    assert sympy.expand(search.found[0].integral - x * sympy.exp(-3 * y)) == 0
 
 
 def test_a_number_that_is_not_real_has_no_sample() -> None:

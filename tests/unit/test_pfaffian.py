@@ -596,7 +596,7 @@ def test_work_of_two_threads_is_counted_apart():
 
 
 def test_an_interrupt_that_is_swallowed_again_and_again_is_repeated(monkeypatch):
-    monkeypatch.setattr(time_limit, "_KILL_PATIENCE", 0.05)
+    monkeypatch.setattr(time_limit, "_LEAST", 0.05)
     deaf = threading.Event()
 
     def careless():

@@ -335,7 +335,7 @@ class Locality:
                 for name, one in zip(together.rows, single, strict=True)
             )
             is_rounded = numbers.digits > sys.float_info.dig + 1 or len(single) == 1
-            if together.inside and numbers.error > special_points.PARAMETERS.zero and alone and is_rounded:
+            if together.inside and numbers.error > enclosure.CANCELLED and alone and is_rounded:
                 reason = (
                     f"numbers took values of up to {numbers.error:.0e} of their terms for zero, and exact algebra did"
                     " not find the derived flag"

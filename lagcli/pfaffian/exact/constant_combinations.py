@@ -1,9 +1,9 @@
 """Linear systems over the constants: which constant combinations of given columns of functions vanish identically.
 
-Most columns take part in no such combination: the values of all columns at random points show which do, to
-rounding error. The others go into an exact system, one equation for each monomial. Its constants are rational
-functions of the parameters, whose elimination swells, so it is solved first in a finite field, with random numbers
-for the parameters; then the few columns a solution needs are solved exactly, and every row is tested with it.
+The values of all columns at random points show which may take part, to rounding. These go into an exact system, one
+equation for each monomial. Its constants are rational functions of the parameters, whose elimination swells, so it is
+solved first in a finite field, with random numbers for the parameters; then the few columns a solution needs are solved
+exactly, and every row is tested with it.
 """
 
 import random
@@ -40,10 +40,14 @@ _PRIMES = tuple(2**61 - n for n in (1, 45, 229, 465, 829, 985, 1153, 1281))
 def null_vectors(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list[tuple[sympy.Expr, ...]]:
     """A basis of the constants c (rational functions of the parameters) with sum_l c_l columns[l][e] = 0 for all e.
 
-    Found by comparing coefficients in the normal form. The last entry of a vector that is not zero is 1.
-    Raises `normal_form.NoNormalFormError`.
+    The last entry of a vector that is not zero is 1. Raises `normal_form.NoNormalFormError`.
     """
-    involved = _involved(columns, parameters)
+    # The columns that may take part in a combination that vanishes
+    involved, table = list(range(len(columns))), _samples(columns, parameters)
+    if table is not None:
+        independent, dependent, c = sampling.dependences(table, np.ones(len(columns)))
+        taking_part = np.flatnonzero((np.abs(c) > doubles.ZERO).any(axis=1))
+        involved = sorted({*dependent, *(independent[k] for k in taking_part)})
     found = []
     for vector in _null_vectors([columns[n] for n in involved], parameters):
         entries = {involved[n]: entry for n, entry in vector.items()}
@@ -51,21 +55,9 @@ def null_vectors(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list[
     return found
 
 
-def _involved(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list[int]:
-    """The indices of the columns that may take part in a combination that vanishes."""
-    table = _samples(columns, parameters)
-    if table is None:
-        return list(range(len(columns)))
-    independent, dependent, c = sampling.dependences(table, np.ones(len(columns)))
-    taking_part = np.flatnonzero((np.abs(c) > doubles.ZERO).any(axis=1))
-    return sorted({*dependent, *(independent[k] for k in taking_part)})
-
-
 def _samples(columns: Columns, parameters: frozenset[sympy.Symbol]) -> Values | None:
-    """The columns at random points, shape (equations * points, columns), each of length one or zero.
-
-    None where too few points have real values.
-    """
+    """The columns at random points (equations * points, columns), each of length one or zero; None where too few points
+    have real values."""
     symbols = sorted(set().union(*(e.free_symbols for c in columns for e in c), set()), key=lambda s: s.name)
     generator = np.random.default_rng(_SEED)
     count = 3 * len(columns) + 4 * _EXTRA_POINTS

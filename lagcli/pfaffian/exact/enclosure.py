@@ -1,9 +1,8 @@
 """Rigorous numbers: an interval that certainly holds the value of an expression at a rational point.
 
-The interval arithmetic (mpmath, 50 digits, rounded outward) carries its own error bound. An interval without
-zero is a proof that the expression is not identically zero; an interval with zero proves nothing. On the surface of
-holonomic constraints points are found to many digits: where an expression is not zero at one of them it does not
-vanish on the surface.
+The interval arithmetic (mpmath, 50 digits, rounded outward) carries its own error bound: an interval without zero is a
+proof that the expression is not identically zero. On the surface of holonomic constraints points are found to many
+digits: where an expression is not zero at one of them it does not vanish on the surface.
 """
 
 from __future__ import annotations
@@ -39,8 +38,9 @@ _SCALES = [*_NEAR * 3, *_FAR]
 # Points whose symbols have scales of their own, after those of one scale.
 _MIXED = 16
 
-# Newton's method to a surface ends with nearly all digits; a sum of many terms loses some of them.
-ZERO = 1e-30
+# Newton's method to a surface ends with nearly all digits; a sum of many terms loses some of them. At a start, which
+# is known to all, what is this part of its terms is left of them where they cancel.
+ZERO, CANCELLED = 1e-30, 1e-40
 _FOUND, _ATTEMPTS = 4, 24
 # What Newton's steps leave, and the longest of them.
 _CLOSE, _LONGEST = 10.0 ** (3 - DIGITS), 1e6
@@ -70,10 +70,9 @@ class NoValueError(Exception):
 
 
 def points(symbols: Sequence[sympy.Symbol]) -> Iterator[dict[sympy.Symbol, Fraction]]:
-    """The fixed sequence of random rational test points.
+    """The fixed sequence of random rational test points for some symbols.
 
-    Different scales, since the domains of log, sqrt and asin are not known beforehand; at the end one of its own
-    for each symbol. The same symbols always get the same points.
+    Of different scales, as the domains of log, sqrt and asin are not known; at the end each symbol has one of its own.
     """
     generator = random.Random(_SEED)
     ordered = sorted(symbols, key=lambda s: s.name)
@@ -176,10 +175,7 @@ def fraction(number: sympy.Expr) -> Fraction:
 
 
 def values_on(expression: sympy.Expr, surface: Sequence[sympy.Expr]) -> list[float]:
-    """The values of the expression at some real points where every expression of the surface vanishes.
-
-    Other symbols have random values. Points where the expression has no finite real value are left out.
-    """
+    """The values of the expression at some real points of a surface, without those where it has none."""
     there = points_on(surface, sorted(expression.free_symbols, key=lambda s: s.name))
     return [float(interval.mid) for _, interval in _intervals(expression, there)]
 
@@ -215,12 +211,10 @@ def _points(surface: tuple[sympy.Expr, ...]) -> tuple[Point, ...]:
 def nearest(
     begin: Point, origin: Point, surface: Sequence[sympy.Expr], inertia: Sequence[Sequence[Fraction]]
 ) -> Point | None:
-    """The point of a surface nearest to `origin` in the metric of an inertia (n, n), from a point close to it.
+    """The point of a surface nearest to `origin` in the metric of an inertia (n, n), from a point close to it; None
+    where rows of the surface depend on others there.
 
-    The points hold the symbols that may move; the inertia begins with them. Rows of the surface that depend on others
-    there have no answer: None.
-
-    The steps are those that `points_on` takes. Which point it is matters: what vanishes at the nearest one is judged.
+    The points hold the symbols that may move; the inertia begins with them.
     """
     gradients, n = [[forms.partial(f, x) for x in begin] for f in surface], len(begin)
     with mpmath.workdps(DIGITS):

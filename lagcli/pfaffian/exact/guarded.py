@@ -1,14 +1,14 @@
 """SymPy's algorithms, with whatever they fail with as one exception: `SympyFailure`.
 
-They give up on input they cannot treat with exceptions of their own, and break down on some with a bare TypeError,
-AttributeError or the like from deep inside. Such a failure is told from a slip of ours by the line where it was
-raised: in a file of SymPy or mpmath. A wrong call, or a slip in a function of ours that SymPy calls back, passes
-as it is.
+They give up on input with exceptions of their own, and break down on some with a bare TypeError or the like from deep
+inside. Such a failure is told from a slip of ours by the line where it was raised, in a file of SymPy or mpmath: a
+wrong call, or a slip in a function of ours that SymPy calls back, passes as it is.
 """
 
 import sys
 from collections.abc import Callable
-from typing import ParamSpec, TypeVar
+from functools import partial
+from typing import Any, ParamSpec, TypeVar
 
 import sympy
 from sympy.polys.polyerrors import BasePolynomialError
@@ -49,10 +49,8 @@ class TooDeep(SympyFailure):
 
 
 def attempt(work: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T:
-    """The value of a piece of work of ours, where its operators alone may fail with what SymPy documents for its
-    polynomials, or with the depth of an expression: no guarded call could hold that. Raises `SympyFailure`.
-
-    An endless recursion of ours passes as it is, and so does all else.
+    """The value of a piece of work of ours, whose operators may fail with what SymPy documents for its polynomials, or
+    with the depth of an expression. Raises `SympyFailure`; all else passes as it is, an endless recursion of ours too.
     """
     try:
         return work(*arguments, **options)
@@ -89,35 +87,8 @@ def subs(expression: sympy.Expr, *arguments: object, **options: object) -> sympy
     return call(expression.subs, *arguments, **options)
 
 
-def _guarded(function: Callable[P, T]) -> Callable[P, T]:
-    def guarded(*arguments: P.args, **options: P.kwargs) -> T:
-        return call(function, *arguments, **options)
-
-    guarded.__name__ = function.__name__
-    return guarded
-
-
-cancel = _guarded(sympy.cancel)
-collect = _guarded(sympy.collect)
-degree = _guarded(sympy.degree)
-expand = _guarded(sympy.expand)
-expand_log = _guarded(sympy.expand_log)
-expand_trig = _guarded(sympy.expand_trig)
-factor = _guarded(sympy.factor)
-factor_list = _guarded(sympy.factor_list)
-factor_terms = _guarded(sympy.factor_terms)
-gcd = _guarded(sympy.gcd)
-groebner = _guarded(sympy.groebner)
-integrate = _guarded(sympy.integrate)
-lcm = _guarded(sympy.lcm)
-lcm_list = _guarded(sympy.lcm_list)
-piecewise_fold = _guarded(sympy.piecewise_fold)
-poly = _guarded(sympy.Poly)
-powdenest = _guarded(sympy.powdenest)
-powsimp = _guarded(sympy.powsimp)
-radsimp = _guarded(sympy.radsimp)
-rem = _guarded(sympy.rem)
-simplify = _guarded(sympy.simplify)
-solve = _guarded(sympy.solve)
-together = _guarded(sympy.together)
-trigsimp = _guarded(sympy.trigsimp)
+def __getattr__(name: str) -> Callable[..., Any]:
+    """Any other function of SymPy, guarded: `guarded.expand` is `sympy.expand`."""
+    if name.startswith("_"):
+        raise AttributeError(name)
+    return partial(call, getattr(sympy, name))

@@ -1,16 +1,14 @@
 """Functions as algebra: expressions become rational functions of generators with polynomial relations.
 
-Generators are the symbols, sin b and cos b with cos^2 b = 1 - sin^2 b, exp b, q-th roots r with r^q = u, |u|
-with |u|^2 = u^2, and every other function of an argument as a letter of its own. The arguments b are chosen
-so that all multiples, halves and sums of angles or exponents that occur are integer combinations of them.
-The relations are a Groebner basis (their leading terms are powers of different generators), so that the
-remainder of a numerator by them is a normal form: remainder zero means the expression vanishes identically.
+Generators are the symbols, sin b and cos b with cos^2 b = 1 - sin^2 b, exp b, q-th roots r with r^q = u, |u| with
+|u|^2 = u^2, and every other function as a letter of its own. All multiples, halves and sums of angles or exponents that
+occur are integer combinations of the arguments b. The relations are a Groebner basis (their leading terms are powers of
+different generators): an expression vanishes identically where its numerator leaves no remainder by them.
 
-The converse holds where the generators are algebraically independent up to the relations
-(`NormalForm.independent`). By the theorem of Ax (J. Ax, On Schanuel's conjectures, Ann. Math. 93, 1971) exp u_j,
-sin and cos of v_j and log w_j are so where u_j and i v_j are linearly independent over the rationals modulo
-constants and the w_j are multiplicatively so; only the arguments for which this is evident are counted:
-distinct monomials, and distinct irreducible w_j.
+The converse holds where the generators are algebraically independent up to the relations (`NormalForm.independent`). By
+the theorem of Ax (J. Ax, On Schanuel's conjectures, Ann. Math. 93, 1971) exp u_j, sin and cos of v_j and log w_j are so
+where u_j and i v_j are linearly independent over the rationals modulo constants and the w_j are multiplicatively so;
+counted are the arguments for which this is evident: distinct monomials, and distinct irreducible w_j.
 """
 
 from collections.abc import Iterable, Sequence
@@ -47,9 +45,9 @@ class NoNormalFormError(NoAnswerError):
 class NormalForm:
     """The generators of the given expressions, and the normal form of rational expressions in them.
 
-    All expressions that are to be compared must be given at once, since the generators depend on all of
-    them. `surface`: expressions that count as zero; then a remainder that is not zero proves nothing.
-    Raises `NoNormalFormError` for unknown functions and for multiple angles beyond `MAX_MULTIPLE`.
+    All that are to be compared must be given at once: the generators depend on them. `surface`: expressions that count
+    as zero; then a remainder that is not zero proves nothing. Raises `NoNormalFormError` for unknown functions and for
+    multiple angles beyond `MAX_MULTIPLE`.
     """
 
     def __init__(self, expressions: Iterable[sympy.Expr], surface: Sequence[sympy.Expr] = ()) -> None:
@@ -89,11 +87,8 @@ class NormalForm:
             self._ideal = guarded.call(groebner, [p for p in (*self._ideal, *vanishing) if p], self.ring)
 
     def element(self, expression: sympy.Expr) -> FracElement:
-        """The expression as a fraction of polynomials, the numerator reduced. `field` element.
-
-        Raises `NoNormalFormError` where the denominator vanishes identically, or where the expression is not
-        one of those the normal form was built for (or a rational combination of their parts).
-        """
+        """The expression as a fraction of polynomials, reduced. Raises `NoNormalFormError` where the denominator
+        vanishes identically, and for an expression that is no rational combination of parts of those given."""
         known = len(self.meaning)
         written = self._write(sympy.sympify(expression))
         if len(self.meaning) != known:
@@ -194,8 +189,10 @@ class NormalForm:
             return self._letter(("pi",), e)
         if e is sympy.E:
             return self._exponential(sympy.Integer(1))
-        if isinstance(e, (*_CIRCULAR, *_HYPERBOLIC, sympy.exp)):
-            return self._elementary(e)
+        if isinstance(e, sympy.exp):
+            return self._exponential(e.args[0])
+        if isinstance(e, (*_CIRCULAR, *_HYPERBOLIC)):
+            return self._quotient(e)
         if isinstance(e, sympy.Abs):
             # |N/D| as a letter over D; its relation has two roots, so that only numbers can prove a difference
             self.independent = False
@@ -222,9 +219,8 @@ class NormalForm:
             self.meaning[letter] = meaning
         return self._known[key]
 
-    def _elementary(self, e: sympy.Expr) -> sympy.Expr:
-        if isinstance(e, sympy.exp):
-            return self._exponential(e.args[0])
+    def _quotient(self, e: sympy.Expr) -> sympy.Expr:
+        """A circular or hyperbolic function by sines and cosines, or by exponentials."""
         if isinstance(e, _CIRCULAR):
             # cos and sin of a sum of angles by the addition theorems
             c, s = sympy.Integer(1), sympy.Integer(0)
@@ -352,10 +348,7 @@ def _log_of_primes(e: sympy.Expr) -> sympy.Expr:
 
 def _dependent(arguments: Iterable[sympy.Expr]) -> dict[sympy.Expr, sympy.Expr]:
     """The logarithms of arguments that are products of powers of simpler ones, and of a positive rational number, as
-    sums: log(x y) is log(x) + log(y) where all three have values.
-
-    Arguments of logarithms are positive where these have values, so that there the sums are the same.
-    """
+    sums: log(x y) is log(x) + log(y) where all three have values."""
     listed = sorted(set(arguments), key=lambda a: (a.count_ops(), str(a)))
     if not 2 <= len(listed) <= MAX_LOGARITHMS or any(a.count_ops() > MAX_OPERATIONS for a in listed):
         return {}

@@ -1,16 +1,13 @@
 """Hard limits for computer algebra, on every platform and in every thread: a time, and a budget of operations.
 
-A verdict must not depend on the machine. So what a search may cost is a budget of operations, which ends at the same
-place on every machine, and so does the limit of all of them, unless `--limit` gives it in seconds of the processor. An
-operation is the making of a sum, product, power, function or whole number: SymPy remembers their values, and its memory
-counts how often it is asked. Searches for integrals make 20 000 to 70 000 in a second of a processor of 2023, some
-40 000 in the middle. Arithmetic of polynomials and of intervals makes few.
+A verdict must not depend on the machine: what a search may cost is a budget of operations, and so is the limit of all
+of them, unless `--limit` gives it in seconds of the processor. An operation is the making of a sum, product, power,
+function or whole number: SymPy's memory of them counts how often it is asked. Searches for integrals make 20 000 to
+70 000 in a second of a processor of 2023. Arithmetic of polynomials and of intervals makes few.
 
-SymPy's solvers and integrators may run for ever on small input. Signals work only in the main thread of a
-POSIX process, and a process of its own must import SymPy again (half a second) and has to copy the
-expressions there and back. So the work is done in a daemon thread, and a thread that is late is ended by
-raising an exception inside it (`PyThreadState_SetAsyncExc` of CPython). SymPy is pure Python: it meets that
-exception at its next bytecode.
+SymPy may run for ever on small input. Signals work only in the main thread of a POSIX process, and another process has
+to import SymPy again (half a second). So the work is done in a daemon thread, and a thread that is late is ended by
+raising an exception inside it (`PyThreadState_SetAsyncExc` of CPython), which SymPy meets at its next bytecode.
 """
 
 import ctypes
@@ -31,9 +28,9 @@ from lagcli.pfaffian.exact.guarded import NoAnswerError
 
 Value = TypeVar("Value")
 
-SLOWEST = 8_000.0
+SLOWEST = 8_000
 """Operations in a second of processor time, below which a budget of them ends by time: there the work was hardly
-anything but arithmetic that is not counted. On a machine some times as slow others still end by their operations."""
+anything but arithmetic that is not counted."""
 
 _COUNTED = tuple(
     make.cache_info  # not there where SymPy remembers nothing (`SYMPY_USE_CACHE=no`)
@@ -43,11 +40,10 @@ _COUNTED = tuple(
 
 # SymPy recurses a thousand deep, with large frames.
 _STACK_BYTES = 64 * 1024 * 1024
-# Seconds of one wait, as between two attempts to end a thread, and seconds for all of them.
-_KILL_PATIENCE = 1.0
+# Seconds of one wait, as between two attempts to end a thread.
 _POLL = 0.05
-# Seconds of processor time that the smallest budget of operations has: one pass of the garbage collector through a
-# large process takes half of one, and must not end a search.
+# Seconds of processor time that the smallest budget of operations has, and seconds in which a thread is to end: one
+# pass of the garbage collector through a large process takes half of one, and must not end a search.
 _LEAST = 1.5
 _local = threading.local()
 _turn = threading.Lock()
@@ -85,12 +81,11 @@ def check(deadline: float) -> None:
 
 
 def run(deadline: float, work: Callable[[], Value], budget: int | None = None) -> Value:
-    """The value of `work()`, computed before `deadline` (see `progress.after`).
+    """The value of `work()`, computed before `deadline` (see `progress.after`) and within a budget of `operations`.
 
-    With a budget the work also ends after so many operations (`operations`): what is found does not depend on
-    the speed of the machine. What comes later than that counts as late, though it came. Exceptions of `work` are
-    raised here, those of SymPy as `guarded.attempt` has them. Raises `TimeUpError` at the limit; the worker is
-    ended. Inside a limited piece of work a later or equal deadline costs nothing: the outer limit already holds.
+    Exceptions of `work` are raised here, those of SymPy as `guarded.attempt` has them. Raises `TimeUpError` at the
+    limit, also where a value came after it; the worker is ended. Inside a limited piece of work a later or equal
+    deadline costs nothing: the outer limit already holds.
     """
     check(deadline)
     outer: float | None = getattr(_local, "deadline", None)
@@ -145,7 +140,7 @@ def _limited(until: float, work: Callable[[], Value], budget: int | None) -> Val
                 raise TimeUpError("the limit was reached")
             thread.join(min(rest, _POLL))  # short: an interrupt from outside waits for the end of a join
     finally:
-        if not _interrupted(own, time.monotonic() + _KILL_PATIENCE):
+        if not _interrupted(own, time.monotonic() + _LEAST):
             # Another thread goes on with it: what is late must not go on to work beside what comes next.
             late = (own, math.inf)
             threading.Thread(target=_interrupted, args=late, name="lagcli-late", daemon=True).start()
@@ -173,8 +168,7 @@ class _Work:
 def _interrupted(work: _Work, give_up: float) -> bool:
     """True if all its threads have ended before `give_up` (see `progress.after`).
 
-    They are interrupted again and again: a `finally` or a bare `except` inside may swallow one interrupt, and a long
-    piece of machine code meets none.
+    They are interrupted again and again: a `finally` may swallow one interrupt, and machine code meets none.
     """
     with _quiet:
         while (threads := work.alive()) and time.monotonic() < give_up:

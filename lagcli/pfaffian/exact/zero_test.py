@@ -1,9 +1,8 @@
 """The zero test: does an expression vanish identically? Yes, no or unknown, never a guess.
 
-"Yes" comes from the exact normal form only (`normal_form`). "No" comes from a rigorous interval at a rational
-point that does not hold zero (`enclosure`), or from a normal form that is not zero in algebraically
-independent generators. Everything holds for real symbols, generic values of the parameters and wherever the
-expression is defined.
+"Yes" comes from the exact normal form only (`normal_form`), "no" from a rigorous interval at a rational point that does
+not hold zero (`enclosure`), or from a normal form in algebraically independent generators. It holds for real symbols,
+generic values of the parameters and wherever the expression is defined.
 """
 
 from collections.abc import Iterable
@@ -38,10 +37,9 @@ class Finding:
 
 
 def is_zero(expression: sympy.Expr, deadline: float, surface: tuple[sympy.Expr, ...] = ()) -> Finding:
-    """Tell if the expression vanishes identically, or wherever all expressions of `surface` do.
+    """Tell if the expression vanishes identically, or wherever all expressions of `surface` do; unknown at `deadline`.
 
-    Ends at `deadline` (see `progress.after`) with "unknown". On a surface "no" is numeric: a value at points found
-    by Newton's method with 50 digits.
+    On a surface "no" is numeric: a value at points found by Newton's method with 50 digits.
     """
     finding = _test(expression, deadline, exact_first=False)
     if not surface or finding.truth is Truth.YES or expression.is_Rational:
@@ -57,9 +55,8 @@ def is_zero(expression: sympy.Expr, deadline: float, surface: tuple[sympy.Expr, 
         return _unknown(error)
     if remainder == 0:
         return Finding(Truth.YES, "symbolic")
-    return Finding(
-        Truth.UNKNOWN, "none", "whether it vanishes on the surface of the constraints is not known"
-    )
+    reason = "whether it vanishes on the surface of the constraints is not known"
+    return Finding(Truth.UNKNOWN, "none", reason)
 
 
 def _unknown(error: Exception) -> Finding:

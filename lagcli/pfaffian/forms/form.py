@@ -7,22 +7,24 @@ The symbols are real. Where |u|, sign(u), min or max occur, the derivatives are 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import reduce
 from itertools import combinations
+from typing import Any, TypeVar
 
 import sympy
 
 from lagcli import memory
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
 class Form:
     """omega = sum_k coefficients[k] d(variables[k]); both of shape (n,).
 
-    `variables` are the coordinates of the system, and time last where it occurs; `parameters` are constants
-    of unknown value. Raises ValueError where the lengths differ, a name occurs twice or a coefficient holds
-    a symbol that is neither a variable nor a parameter.
+    variables: coordinates, and time last where it occurs; parameters: constants of unknown value. Raises ValueError
+    where the lengths differ, a name occurs twice or a coefficient holds another symbol.
     """
 
     name: str
@@ -47,9 +49,11 @@ class Form:
         used: set[sympy.Basic] = set().union(*(a.free_symbols for a in self.coefficients))
         return tuple(i for i, x in enumerate(self.variables) if x in used or self.coefficients[i] != 0)
 
-    def times(self, factor: sympy.Expr) -> Form:
-        """The form factor * omega."""
-        return Form(self.name, self.variables, tuple(factor * a for a in self.coefficients), self.parameters)
+    @property
+    def simplest(self) -> int:
+        """The index of the simplest coefficient that is not zero."""
+        candidates = [i for i, a in enumerate(self.coefficients) if a != 0]
+        return min(candidates, key=lambda i: (self.coefficients[i].count_ops(), i))
 
     def with_values(self, values: Mapping[sympy.Symbol, sympy.Expr]) -> Form:
         """The form for given values of all parameters."""
@@ -80,8 +84,7 @@ class Form:
 class PfaffianBlock:
     """C forms omega_i = sum_k rows[i][k] d(variables[k]) on the surface where every f of `surface` vanishes.
 
-    names (C,): of the forms; variables (n,): coordinates, and time last where it occurs in any row; rows (C, n);
-    surface (s,): the left sides f of the coupled holonomic rows; parameters: constants of unknown value. Forms that
+    names (C,): of the forms; variables (n,), parameters: as of a form; surface (s,): of the holonomic rows. Forms that
     share no coordinate, directly or through holonomic rows, are classified apart: their derived flags add up.
     """
 
@@ -115,6 +118,25 @@ def partial(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr:
         derivative = derivative.replace(sympy.DiracDelta, lambda *_: sympy.Integer(0))
         derivative = derivative.replace(sympy.sign, lambda u: sympy.Abs(u) / u)
     return derivative
+
+
+def in_symbols(value: T, symbols: Mapping[sympy.Symbol | str, sympy.Symbol | str]) -> T:
+    """What is made of expressions, names, rows of them and such objects, with other symbols and names in place of its
+    own."""
+
+    def renamed(part: Any) -> Any:
+        if isinstance(part, sympy.Basic):
+            return part.xreplace(symbols)
+        if isinstance(part, tuple):
+            return tuple(map(renamed, part))
+        if isinstance(part, dict):
+            return {renamed(key): renamed(one) for key, one in part.items()}
+        if is_dataclass(part) and not isinstance(part, type):
+            return replace(part, **{each.name: renamed(getattr(part, each.name)) for each in fields(part)})
+        return symbols.get(part, part) if isinstance(part, str) else part
+
+    found: T = renamed(value)
+    return found
 
 
 def has_kinks(expression: sympy.Expr) -> bool:
