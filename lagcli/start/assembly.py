@@ -154,47 +154,36 @@ def require_consistent(system: System, numeric: NumericSystem, state: State, fou
 
 def _configuration(search: Search) -> Floats:
     """The configuration on f = 0 nearest to the declared one. Raises `diagnostics.ModelError`."""
-    q0, surface = search.state.q, search.surface()
+    q0, surface, rows = search.state.q, search.surface(), range(search.system.holonomic_count)
     best = surface.nearest(_feasible(search), q0)
     if _is_clearly_nearest(search, best):
         return _polished(search, best)
     _, parts = search.components()
-    lengths = _lengths(search, parts, best)
-    optima: list[Floats] = []
+
+    def lengths(q: Floats) -> Floats:
+        """The squared distance of q from the declared configuration, (n,): of each part, at its number."""
+        weights = (q - q0) * LocalRows(search.M).times(q - q0)
+        return np.asarray(np.bincount(parts, weights, minlength=q.size), dtype=float)
+
+    least, optima = lengths(best), list[Floats]()
     # Some of the starts aside: of few coordinates most
-    aside = list(search.neighbours(q0, range(search.system.holonomic_count)))
+    aside = list(search.neighbours(q0, rows))
     most = of_size(int((~search.fixed).sum()), (16, 3, 1))
     for begin in (best, q0, *aside[:: max(1, len(aside) // most)][:most]):
-        for q in _minima(search, begin, optima):
-            found = _lengths(search, parts, q)
+        # A local minimum of the distance on the surface, by IPOPT or else by Gauss-Newton
+        found = search.optimum(rows, begin, q0)
+        if found is not None:
+            near = doubles.ROOT * float(np.abs(found).max(initial=0.0))
+            if any(np.abs(found - other).max(initial=0.0) <= near for other in optima):
+                continue
+            optima.append(found)
+        reached = surface.descend(begin if found is None else found)
+        if reached.is_on:
+            q = surface.nearest(reached.q, q0, 4)  # which shows where this start leads
             # What shares no coordinate and no row may be near in one solution, and the rest in another.
-            nearer = found < (1 - doubles.ZERO) * lengths
-            best = np.where(nearer[parts], q, best)
-            lengths = np.where(nearer, found, lengths)
+            nearer = lengths(q) < (1 - doubles.ZERO) * least
+            best, least = np.where(nearer[parts], q, best), np.where(nearer, lengths(q), least)
     return _polished(search, surface.nearest(best, q0))
-
-
-def _minima(search: Search, begin: Floats, optima: list[Floats]) -> Iterator[Floats]:
-    """Local minima of the distance on the surface from a point, by IPOPT or else by Gauss-Newton; `optima`, those of
-    IPOPT so far, grow."""
-    q0, surface = search.state.q, search.surface()
-    found = search.optimum(range(search.system.holonomic_count), begin, q0)
-    if found is not None:
-        near = doubles.ROOT * float(np.abs(found).max(initial=0.0))
-        if any(np.abs(found - other).max(initial=0.0) <= near for other in optima):
-            return
-        optima.append(found)
-    reached = surface.descend(begin if found is None else found)
-    if reached.is_on:
-        yield surface.nearest(reached.q, q0, 4)  # which shows where this start leads
-
-
-def _lengths(search: Search, parts: npt.NDArray[np.intp], q: Floats) -> Floats:
-    """The squared distance of q from the declared configuration, (n,): of each part, at its number."""
-    step = q - search.state.q
-    return np.asarray(
-        np.bincount(parts, weights=step * LocalRows(search.M).times(step), minlength=step.size), dtype=float
-    )
 
 
 def _feasible(search: Search) -> Floats:
@@ -205,38 +194,30 @@ def _feasible(search: Search) -> Floats:
     poles = np.flatnonzero(~B.are_finite())
     if poles.size:  # a little aside where a gradient is not finite: of rods of no length
         q = next(search.neighbours(q, poles.tolist()))
-    for is_last in (False, True):
-        reached = search.descend(q)
-        if reached.is_on:
-            return reached.q
-        if is_last:
-            break
+    reached, failed = search.descend(q), list[ConfigurationResult]()
+    if not reached.is_on:
+        # What has not arrived is sought part by part, and then all again.
         q = reached.q.copy()
-        size = initial.size(q)
-        broken = ~(reached.residuals <= doubles.ZERO * size) | reached.recedes
-        failed = []
+        broken = ~(reached.residuals <= doubles.ZERO * initial.size(q)) | reached.recedes
         for number in np.unique(labels[broken]):
-            rows = np.flatnonzero(labels == number).tolist()
-            found = search.reach(rows, (search.state.q, q))
+            found = search.reach(np.flatnonzero(labels == number).tolist(), (search.state.q, q))
             if found.is_on:
                 among = parts == number
                 q[among] = found.best.q[among]
             else:
                 failed.append(found)
-        if failed:
-            raise _no_configuration(search, failed)
-    rows = np.flatnonzero(labels >= 0).tolist()
-    found = search.reach(rows, (search.state.q, q))
-    if found.is_on:
-        return found.best.q
-    raise _no_configuration(search, [found])
-
-
-def _no_configuration(search: Search, failed: list[ConfigurationResult]) -> diagnostics.ModelError:
-    """The error for sets of rows that no configuration was found for."""
+        if not failed:
+            reached = search.descend(q)
+    if reached.is_on:
+        return reached.q
+    if not failed:
+        found = search.reach(np.flatnonzero(labels >= 0).tolist(), (search.state.q, q))
+        if found.is_on:
+            return found.best.q
+        failed.append(found)
     from lagcli.start import conflict  # here, as most starts are found
 
-    return diagnostics.ModelError(conflict.position(search, found) for found in failed)
+    raise diagnostics.ModelError(conflict.position(search, each) for each in failed)
 
 
 def _is_clearly_nearest(search: Search, q: Floats) -> bool:

@@ -16,6 +16,7 @@ from lagcli.start import initial, projection
 from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 
 class LipschitzParameters:
@@ -38,55 +39,23 @@ def warnings(system: System, numeric: NumericSystem, state: State) -> tuple[diag
     named = (expression.words for expression in named_functions.expressions(system.model))
     if not state.q.size or all(named_functions.NOT_SMOOTH.isdisjoint(words) for words in named):
         return ()
-    n = state.q.size
-    size = initial.size(state.q)
-    speed = float(np.abs(state.v).max(initial=0.0)) or size / (system.model.simulation.duration or 1.0)
-    size_of_all = n + numeric.inertia.nnz_out(0) + numeric.rows.nnz_out(0) + numeric.rows.size1_out(1)
-    count = 3 if size_of_all < 100_000 else 1  # of many it takes seconds
-    ways = list(decompositions.generic_direction(count * 2 * n, 0).reshape(count, 2 * n))
-    if not _may_grow(numeric, state, [np.repeat((size, speed), n) * way for way in ways]):
+    index = _growing(numeric, state, system.model.simulation.duration or 1.0)
+    if index is None:
         return ()
-    here = _values(numeric, state, state.q[:, None], state.v[:, None])[0]
-    scale, growing = np.abs(here), np.zeros(here.size, dtype=bool)
-    for way in ways:
-        for side in (1.0, -1.0):
-            # All distances at once: most of the time of a call goes by before and after it. The first one, over which
-            # a function is smooth, gives the scale of its changes.
-            steps = side * np.multiply.outer(way, (projection.PARAMETERS.offset, *DISTANCES))
-            q, v = state.q[:, None] + size * steps[:n], state.v[:, None] + speed * steps[n:]
-            changes = np.abs(_values(numeric, state, q, v) - here)
-            with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-                scale = np.fmax(scale, changes[0])
-                slopes = changes[1:] / DISTANCES[:, None]
-                ratios = slopes[1:] / slopes[:-1]
-                is_rounding = changes[2:] <= doubles.ZERO * scale
-                # The shortest distance alone may be one over which no change is seen.
-                growing |= ((ratios > PARAMETERS.grows) & ~is_rounding)[:-1].all(axis=0) & (
-                    (ratios[-1] > PARAMETERS.grows) | is_rounding[-1]
-                )
-    if not growing.any():
-        return ()
-    index, names, M, B = (
-        int(np.argmax(growing)),
-        system.model.coordinate_names,
-        system.dynamics.M,
-        system.rows.B,
-    )
-    entries = [
-        *M.sparsity().row(),
-        *(n + row for row in B.sparsity().row()),
-        *range(n, n + len(system.rows.rows)),
-    ]
-    if index < n:
-        what, location = f"the force along `{names[index]}`", system.model.location(names[index])
+    names = system.model.coordinate_names
+    of_forces, of_inertia = (function.sparsity_out(0).row() for function in (numeric.force, numeric.inertia))
+    of_rows = [*numeric.rows.sparsity_out(0).row(), *numeric.rows.sparsity_out(1).row()]
+    if index < len(of_forces):
+        name = names[of_forces[index]]
+        what, location = f"the force along `{name}`", system.model.location(name)
         expressions = list(system.model.force_expressions())
         if len(expressions) == 1:
             location = expressions[0].location
-    elif entries[index - n] < n:
-        name = names[entries[index - n]]
+    elif (index := index - len(of_forces)) < len(of_inertia):
+        name = names[of_inertia[index]]
         what, location = f"the inertia of `{name}`", system.model.location(name)
     else:
-        row = system.rows.rows[entries[index - n] - n]
+        row = system.rows.rows[of_rows[index - len(of_inertia)]]
         what, location = f"the gradient of the constraint `{row.name}`", row.location
     message = (
         f"{what} is not Lipschitz at the start, where its slope has no bound: the motion from there need not be"
@@ -96,10 +65,10 @@ def warnings(system: System, numeric: NumericSystem, state: State) -> tuple[diag
     return (diagnostics.Diagnostic("not-lipschitz", message, location, hint, "warning"),)
 
 
-def _may_grow(numeric: NumericSystem, state: State, ways: list[Floats]) -> bool:
-    """True if a slope grows from the longest distance to the next on any of the ways (2n,): where none does, as nearly
-    always, the others need not be looked at."""
-    n = state.q.size
+def _growing(numeric: NumericSystem, state: State, duration: float) -> int | None:
+    """The first entry of h, M, B and b, each by its pattern, whose slope has no bound at a state; None where none."""
+    n, size = state.q.size, initial.size(state.q)
+    speed = float(np.abs(state.v).max(initial=0.0)) or size / duration
     t, y, p = np.array([state.t]), np.concatenate([state.q, state.v]), np.array(state.p, dtype=float)
     q, v = y[:n], y[n:]
     calls = [
@@ -107,31 +76,40 @@ def _may_grow(numeric: NumericSystem, state: State, ways: list[Floats]) -> bool:
         for function, wanted in ((numeric.force, 1), (numeric.inertia, 1), (numeric.rows, 2))
     ]
 
-    def values(distance: float, way: Floats) -> Floats:
+    def values(step: Floats | float = 0.0) -> Floats:
         y[:n], y[n:] = state.q, state.v
-        y[:] += distance * way
+        y[:] += step
         for call in calls:
             call.trigger()
         return np.concatenate([part for call in calls for part in call.results])
 
-    long, short = DISTANCES[:2].tolist()
-    here = values(0.0, ways[0])
-    floor = doubles.ZERO * np.abs(here)
-    with np.errstate(invalid="ignore", over="ignore"):
+    here = values()
+    count = 3 if here.size < 100_000 else 1  # of many it takes seconds
+    lines = decompositions.generic_direction(count * 2 * n, 0).reshape(count, 2 * n)
+    ways = [side * np.repeat((size, speed), n) * line for line in lines for side in (1.0, -1.0)]
+    scale, growing = np.abs(here), np.zeros(here.size, dtype=bool)
+
+    def changes(way: Floats, distances: Floats) -> Floats:
+        return np.array([np.abs(values(distance * way) - here) for distance in distances])
+
+    def grow(changes: Floats, distances: Floats) -> Flags:
+        slopes = changes / distances[:, None]
+        return np.asarray(slopes[1:] > PARAMETERS.grows * slopes[:-1])
+
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        # Where no slope grows from the longest distance to the next, as nearly always, the others are not looked at.
+        first = DISTANCES[:2]
         for way in ways:
-            for side in (1.0, -1.0):
-                far, near = (np.abs(values(side * distance, way) - here) for distance in (long, short))
-                if ((near * (long / short) > PARAMETERS.grows * far) & ~(near <= floor)).any():
-                    return True
-    return False
-
-
-def _values(numeric: NumericSystem, state: State, q: Floats, v: Floats) -> Floats:
-    """h (n,), the entries of M, of B and b (C,) at the time of a state, beside one another for each of the columns
-    of q and v (n, k): (k, entries)."""
-    at, count = (state.t, q, v, state.p), q.shape[1]
-    h, *_ = numeric.force(*at)
-    M, (B, b) = numeric.inertia(*at), numeric.rows(*at)
-    # Not as lists of numbers: a million particles have millions of entries. Those of each column follow one another.
-    entries = [part.nz[:].full().reshape(count, -1) for part in (M, B)]
-    return np.concatenate([h.full().T, *entries, b.full().T], axis=1)
+            seen = changes(way, first)
+            if (grow(seen, first)[0] & ~(seen[1] <= doubles.ZERO * np.abs(here))).any():
+                break
+        else:
+            return None
+        for way in ways:
+            # Over the offset a function is smooth: that gives the scale of its changes.
+            scale = np.fmax(scale, changes(way, np.array([projection.PARAMETERS.offset]))[0])
+            seen = changes(way, DISTANCES)
+            is_growing, is_rounding = grow(seen, DISTANCES), seen[1:] <= doubles.ZERO * scale
+            # The shortest distance alone may be one over which no change is seen.
+            growing |= (is_growing & ~is_rounding)[:-1].all(axis=0) & (is_growing[-1] | is_rounding[-1])
+    return int(np.argmax(growing)) if growing.any() else None

@@ -31,14 +31,14 @@ def refuse(*_):
 
 
 def test_slopes_are_compared_only_where_one_grows(monkeypatch):
-    monkeypatch.setattr(lipschitz, "_values", refuse)
+    monkeypatch.setattr(lipschitz, "projection", None)  # which has the widest of the distances
     model = lagcli.loads(PENDULUM)
     assert prepare_run.prepare(model, model.simulation).warnings == ()
 
 
 @pytest.mark.parametrize("law", ["x**2", "x**2*rate(x)", "x ** -2", "sin(x)**3"])
 def test_whole_powers_are_smooth(law, monkeypatch):
-    monkeypatch.setattr(lipschitz, "_may_grow", refuse)
+    monkeypatch.setattr(lipschitz, "_growing", refuse)
     text = DRIVEN.replace("sign(t - 0.3)", law)
     model = lagcli.loads(text)
     assert prepare_run.prepare(model, model.simulation).warnings == ()
@@ -47,7 +47,7 @@ def test_whole_powers_are_smooth(law, monkeypatch):
 @pytest.mark.parametrize("law", ["x**2.5", "x**2**0.5", "x**-1.5", "x**A"])
 def test_powers_that_are_not_whole_are_looked_at(law, monkeypatch):
     asked = []
-    monkeypatch.setattr(lipschitz, "_may_grow", lambda *_: asked.append(1))
+    monkeypatch.setattr(lipschitz, "_growing", lambda *_: asked.append(1))
     model = lagcli.loads(DRIVEN.replace("sign(t - 0.3)", law))
     run = prepare_run.prepare(model, model.simulation)
     assert not asked  # nor where nobody reads the warnings
