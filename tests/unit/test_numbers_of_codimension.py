@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli import doubles
-from lagcli.analysis.codimension import manifold, scaled_equations, second_order
+from lagcli.analysis.codimension import scaled_equations, second_order
 from lagcli.analysis.codimension.manifold import Manifold
 from lagcli.api import cache
 from lagcli.linear.metric_rows import LocalRows
@@ -17,53 +16,7 @@ from lagcli.start import initial
 # Walks to points where the rank may be another
 
 
-def test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes(monkeypatch):
-    steps = []
-
-    def walk(meet, z, step):
-        steps.append(float(np.abs(step).max()))
-        return z
-
-    monkeypatch.setattr(manifold.surface, "walk", walk)
-    part = SimpleNamespace(begin=np.zeros(2), state=SimpleNamespace(t=0.0), rows=[0], moved=lambda z, t: part)
-    part.at = lambda z, t: (np.zeros(1), np.array([[1.0, 0.0]]))
-    assert manifold.codimensions(part, ()) == {1}
-    of_walks, single = steps[:12], steps[12:]
-    assert of_walks == pytest.approx([size for size in (0.2, 0.1, 0.05, 0.025) for _ in range(3)])
-    assert single == pytest.approx([0.2, 0.1, 0.05, 0.025] * 3)
-
-
 # Walks over a manifold
-
-
-class Walked:
-    """A manifold on which every walk is made; `steps` and `begins` count."""
-
-    def __init__(self):
-        self.steps = self.begins = 0
-
-    def look(self, z, t):
-        return SimpleNamespace(F=np.zeros(1))
-
-    def fails_far(self, *_):
-        return False
-
-    def holds_all(self, *_):
-        return True
-
-    def reached(self, z, t):
-        self.begins += 1
-        return z
-
-    def step(self, z, t, direction):
-        self.steps += 1
-        return z
-
-
-def test_three_walks_of_three_steps_are_made_over_a_manifold():
-    walked = Walked()
-    assert manifold.satisfies_all(walked, np.zeros(1), 0.0, ())
-    assert (walked.begins, walked.steps) == (3, 9)
 
 
 def test_a_step_over_a_manifold_is_a_half_at_first():
@@ -87,18 +40,6 @@ def particle_part(*laws):
 def test_a_radius_of_curvature_is_a_unit_down_to_four_digits(radius, is_unit):
     unit = particle_part(f"a.x + a.z**2/(2*{radius!r})").unit
     assert unit == pytest.approx(np.full(2, radius if is_unit else 1.0), rel=1e-6)
-
-
-def test_coordinates_are_measured_alike_after_ten_rounds():
-    none = np.zeros(0, dtype=np.intp)
-    first = SimpleNamespace(row=none, one=none, changes=lambda unit: np.zeros(0))
-    B = LocalRows(ca.DM([[1.0, 1e6]]))
-    symbols = SimpleNamespace(q=SimpleNamespace(numel=lambda: 2))
-    system = SimpleNamespace(symbols=symbols, model=SimpleNamespace(generalized_names=("x", "y")))
-    state = SimpleNamespace(q=np.zeros(2))
-    unit = scaled_equations._units(system, state, [0, 1], B, first)
-    # Each round takes the root of what they differ by.
-    assert 1e6 * unit[1] / unit[0] == pytest.approx(1e6 ** (1 / 2**10), rel=1e-6)
 
 
 @pytest.mark.parametrize(("jump", "answer"), [(3e-7, True), (3e-6, False)])
@@ -139,13 +80,6 @@ def test_the_weight_of_the_barrier_grows_by_eight(monkeypatch):
     monkeypatch.setattr(second_order, "_centered", centers)
     assert second_order.definite_combination(np.ones((1, 1, 1))) is None
     assert centers.weights == [8.0**k for k in range(9)]  # 2 / 8**8 is the first below a millionth
-
-
-def test_the_weight_of_the_barrier_grows_sixty_times(monkeypatch):
-    centers = Centers(doubles.ROOT)
-    monkeypatch.setattr(second_order, "_centered", centers)
-    assert second_order.definite_combination(np.ones((1, 1, 1))) is None
-    assert len(centers.weights) == 60
 
 
 @pytest.mark.parametrize(("eigenvalue", "centers"), [(0.15, 3), (0.09, 4)])

@@ -43,12 +43,6 @@ def flow(monkeypatch):
     return made
 
 
-def test_a_flow_is_extrapolated_from_eight_numbers_of_substeps(flow):
-    counts, error = flow(1e-5)
-    assert counts == [2, 4, 6, 8, 10, 12, 14, 16]
-    assert error > 1e-12
-
-
 @pytest.mark.parametrize(("off", "count"), [(3e-4, 8), (3e-3, 3)])
 def test_a_flow_that_is_off_after_three_extrapolations_is_left(off, count, flow):
     # The third extrapolation of 1, -1, 1 differs from the second by 8/15.
@@ -97,15 +91,6 @@ def places(monkeypatch):
     return made
 
 
-def test_a_flow_is_made_shorter_eight_times_by_four(places, monkeypatch):
-    scales = []
-    monkeypatch.setattr(
-        flag_points, "_flow", lambda along, x, scale: scales.append(float(scale[0])) or (x, math.inf)
-    )
-    assert places().from_point(Place()) is None
-    assert scales == pytest.approx([0.1 / 4**k for k in range(8)])
-
-
 def test_a_flow_reaches_a_tenth_of_the_coordinates_and_a_hundredth_of_the_duration(places, monkeypatch):
     scales = []
     monkeypatch.setattr(flag_points, "_flow", lambda along, x, scale: scales.append(scale) or (x, math.inf))
@@ -113,23 +98,6 @@ def test_a_flow_reaches_a_tenth_of_the_coordinates_and_a_hundredth_of_the_durati
     monkeypatch.setattr(flag_points, "_projected", lambda A, u: np.ones(2))
     there.from_point(Place(0.5))
     assert scales[0] == pytest.approx([0.05, 0.02])
-
-
-def test_a_flow_is_looked_at_in_thirty_two_points(places, monkeypatch):
-    counts = []
-    monkeypatch.setattr(flag_points, "_path", lambda along, x, scale, count: counts.append(count))
-    assert places(pieces=SimpleNamespace(count=1)).from_point(Place()) is None
-    assert set(counts) == {32}
-
-
-def test_two_flows_follow_each_other(places):
-    points = places(differential=[0])
-    point = SimpleNamespace(
-        rows=SimpleNamespace(is_large=False), all=SimpleNamespace(low=0), ranks=(0, 0), first=0
-    )
-    points.start, points.visited, points.from_point = point, [point], lambda place: place
-    assert points.generic() is point
-    assert len(points.visited) == 1 + 2
 
 
 @pytest.mark.parametrize(("value", "is_on"), [(3e-10, True), (3e-9, False)])
@@ -142,23 +110,6 @@ def test_a_switch_within_nine_digits_of_zero_stands_on_neither_side(value, is_on
     state = State(0.0, np.ones(1), np.zeros(1), np.zeros(0))
     flag_points.Points(kinked, SimpleNamespace(model=model), state, math.inf)
     assert branches == [is_on]
-
-
-def test_both_sides_of_switches_are_looked_at_on_four_lines(monkeypatch):
-    looked_at = []
-    kinked = block(has_kinks=True)
-    kinked.on_branch = lambda x, p, limit: looked_at.append(x) or kinked
-    monkeypatch.setattr(
-        flag_points,
-        "EvaluationPoint",
-        lambda *_: SimpleNamespace(
-            is_finite=True, first=1, independent=[0], all=SimpleNamespace(low=1, high=1)
-        ),
-    )
-    points = flag_points.Points.__new__(flag_points.Points)
-    points._block, points.start = kinked, SimpleNamespace(x=np.ones(3), p=NONE)
-    assert points.both_sides_turn()
-    assert len(looked_at) == 2 * 4
 
 
 # Words of moves
@@ -190,16 +141,6 @@ def test_a_loop_reaches_twenty_five_sizes_at_most(reach, is_wild):
     assert math.isnan(amount[0]) is is_wild
 
 
-def test_words_are_chosen_by_one_step_in_each_segment_and_taken_by_two_and_twelve():
-    steps = []
-    words = Words([[1.0, 0.0, 0.0]])
-    words.offsets = lambda goal, X, count: steps.append(count) or np.full((1, 3), np.nan)
-    trial = LoopTrial(goal(), words, np.ones((1, 1)))
-    assert trial.ends
-    trial.first(np.ones((1, 1)))
-    assert steps == [1, 2, 12]
-
-
 @pytest.mark.parametrize(("moved", "is_clear"), [(0.03, False), (0.05, True)])
 def test_an_amount_is_worth_showing_from_a_twenty_fifth_of_the_size(moved, is_clear):
     amount, _ = LoopTrial(goal(), Words([[moved, 0.0, 0.0]]), np.ones((1, 1))).ends
@@ -226,23 +167,6 @@ def test_words_that_miss_by_what_they_move_are_solved_for(miss, is_near, solved_
     assert bool(solved_for) is is_near
 
 
-def test_the_lengths_of_eight_words_are_solved_for(solved_for):
-    words = Words([[1.0, 0.5, 0.5]] * 100, moves=0)
-    LoopTrial(goal(closed=(1, 2)), words, np.ones((100, 1))).solved()
-    assert len(solved_for[0][2]) == 8
-
-
-def test_the_simplest_of_two_shapes_is_taken(solved_for):
-    LoopTrial(goal(), Words([[1.0, 0.0, 0.0]]), np.ones((1, 1))).shaped()
-    assert solved_for[0][-1] == 2
-
-
-def test_two_hundred_closed_paths_are_looked_at(monkeypatch):
-    words = Words([[0.0, 0.0, 0.0]])
-    LoopTrial(goal(), words, np.ones((3000, 1))).first(np.ones((3000, 1)))
-    assert words.asked == [200, 200]
-
-
 @pytest.mark.parametrize(("change", "is_smooth"), [(3e-5, True), (3e-4, False)])
 def test_the_end_of_a_path_stays_with_finer_steps(change, is_smooth, monkeypatch):
     proofs = []
@@ -253,36 +177,6 @@ def test_the_end_of_a_path_stays_with_finer_steps(change, is_smooth, monkeypatch
 
 
 # The proof of a path
-
-
-@pytest.fixture
-def followed(monkeypatch):
-    """The numbers of steps of a path whose end changes by so much each time."""
-
-    def made(change):
-        steps = []
-
-        def knots(frame, base, controls, count):
-            steps.append(count)
-            return np.full((2, 1), change * (len(steps) % 2))
-
-        monkeypatch.setattr(witness.controlled_paths, "knots", knots)
-        return witness._followed(None, None, None), steps
-
-    return made
-
-
-def test_a_path_is_followed_in_finer_steps_to_ninety_six(followed):
-    found, steps = followed(1e-9)
-    assert found is not None
-    assert steps == [6, 12, 24, 48, 96]
-
-
-@pytest.mark.parametrize(("change", "steps"), [(3e-7, 96), (3e-6, 48)])
-def test_a_path_that_still_changes_at_forty_eight_steps_is_given_up(change, steps, followed):
-    found, taken = followed(change)
-    assert (found is None) is (steps == 48)
-    assert taken[-1] == steps
 
 
 class ProvedWords(SimpleNamespace):
@@ -336,11 +230,6 @@ def test_an_amount_is_known_to_six_digits(error, is_known, proved):
     assert (proved(error=error)[0] is not None) is is_known
 
 
-def test_twelve_points_of_a_segment_are_kept(proved, monkeypatch):
-    found, _ = proved()
-    assert len(found.paths[0].points) == 13
-
-
 # The search for a loop
 
 
@@ -361,12 +250,6 @@ def search(part=None, orbit=None):
     found = witness_search._WitnessSearch(part, part.start, 1.0, False, {})
     found.__dict__["_orbit"] = orbit
     return found
-
-
-def test_places_of_a_loop_are_the_start_three_bent_ones_and_three_beside(monkeypatch):
-    monkeypatch.setattr(witness_search, "_bent", lambda *_: "bent")
-    found = list(witness_search._base_states(SimpleNamespace(holonomic_count=1), None, "start", 0))
-    assert found == [(0, "start"), *[(0, "bent")] * 3, (1, "start"), (2, "start"), (3, "start")]
 
 
 def test_sizes_of_loops_are_tried_from_usual_ones_to_far_ones(monkeypatch):
@@ -391,13 +274,6 @@ def test_sizes_of_loops_are_tried_from_usual_ones_to_far_ones(monkeypatch):
         ("paths", "shaped", 0.5),
         *(("words", "closing", size) for size in (0.02, 10.0, 100.0, 1e-3)),
     ]
-
-
-def test_the_simplest_loop_is_looked_for_in_two_parts_at_a_time(monkeypatch):
-    counts = []
-    monkeypatch.setattr(witness_search, "_searches", lambda parts, *_: counts.append(len(parts)) or [])
-    witness_search._found([Part()] * 5, True, 0)
-    assert counts == [2, 2, 1]
 
 
 def bent_place(angle, q=(0.0, 0.0, 0.0), names=("x", "y", "z")):
@@ -431,11 +307,6 @@ def test_particles_are_drawn_together_to_seven_tenths():
     assert between == pytest.approx(0.7 * np.subtract(*start.reshape(2, 3)))
 
 
-def test_three_coordinates_are_tried_as_the_one_that_moves():
-    orbit = SimpleNamespace(tangent=np.eye(7)[:, :1])
-    assert search(Part(6), orbit)._movable == [(orbit, 0), (orbit, 1), (orbit, 2)]
-
-
 def frames(A, k, rank, along=0):
     kernel = np.zeros((k, k - rank))
     patch = pytest.MonkeyPatch()
@@ -445,12 +316,6 @@ def frames(A, k, rank, along=0):
         one.setattr(paths, "ends", lambda frame, base, out, steps: np.zeros((3, k + 1)))
         one.setattr(paths, "Axes", lambda part, chosen, led, free: tuple(led.tolist()))
         return search(Part(k, A))._frames(SimpleNamespace(kernel=kernel), along)
-
-
-def test_four_choices_of_led_coordinates_are_tried():
-    A = np.zeros((2, 9))
-    A[0, 0], A[1, 1:8] = 1.0, np.arange(1, 8)
-    assert len(frames(A, 8, 2)) == 4
 
 
 @pytest.mark.parametrize(("angle", "count"), [(5e-6, 1), (3e-6, 0)])
@@ -472,17 +337,6 @@ def test_of_one_condition_two_goals_are_tried_and_of_more_one(missing, count, mo
     orbit = SimpleNamespace(tangent=np.zeros((7, 1 + missing)), lift=lambda closed: np.ones((7, 1)))
     monkeypatch.setattr(witness_search._WitnessSearch, "_is_crossed", lambda search, lift: True)
     assert len(list(search(Part(6), orbit)._goals(orbit, 0, NONE))) == count
-
-
-def test_a_loop_of_any_shape_has_four_pieces_or_six(monkeypatch):
-    pieces = []
-    monkeypatch.setattr(witness_search.controlled_paths, "Projected", lambda *_: None)
-    monkeypatch.setattr(
-        loop_words, "free_paths", lambda frame, size, timed, count: pieces.append(count) or (None, None)
-    )
-    monkeypatch.setattr(witness_search._WitnessSearch, "_goals", lambda *_: [goal()])
-    list(search(orbit=SimpleNamespace(kernel=None, tangent=np.ones((4, 1)))).paths())
-    assert pieces == [4, 6] * 3  # of three coordinates
 
 
 # Lengths that are solved for
@@ -539,18 +393,6 @@ def test_rough_paths_come_near_to_five_digits(miss, rough, monkeypatch):
     assert len(words.rough) == rough
 
 
-def test_rough_paths_come_near_in_sixteen_turns(monkeypatch):
-    words = Solving(monkeypatch, (0.6**k for k in range(400)))
-    words.solve()
-    assert len(words.rough) == 16
-
-
-def test_fine_paths_close_in_ten_turns(monkeypatch):
-    words = Solving(monkeypatch, itertools.chain([0.0], (0.6**k for k in range(400))))
-    words.solve()
-    assert len(words.fine) == 10
-
-
 @pytest.mark.parametrize(("ratio", "turns"), [(0.65, 16), (0.75, 4)])
 def test_a_start_that_does_not_contract_after_three_turns_is_left(ratio, turns, monkeypatch):
     words = Solving(monkeypatch, (ratio**k for k in range(400)))
@@ -563,11 +405,6 @@ def test_trial_lengths_are_halves_and_wholes_or_twelve_at_random():
     assert np.unique(few).tolist() == [-4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0]
     _, many = loop_words.loops(None, 2, (0, 1), np.ones(2), 2)
     assert len(many) == 12
-
-
-def test_a_path_of_any_shape_is_solved_for_from_four_starts():
-    _, lengths = loop_words.free_paths(SimpleNamespace(directions=np.ones((2, 2))), 1.0, False, 4)
-    assert len(lengths) == 4
 
 
 # The orbit of a start
@@ -609,12 +446,6 @@ def explored(monkeypatch, off, count=1):
     monkeypatch.setattr(controlled_paths, "_returned", returned)
     monkeypatch.setattr(controlled_paths, "_kernel", lambda part, point: np.zeros((49, 1)))
     return controlled_paths.through(None, np.zeros(50), 1.0, False).is_explored, asked
-
-
-def test_an_orbit_is_explored_by_forty_paths_of_three_pieces(monkeypatch):
-    _, asked = explored(monkeypatch, 0.0)
-    assert [shape[:2] for shape, _ in asked] == [(40, 3)] * 2
-    assert [steps for _, steps in asked] == [2, 4]
 
 
 @pytest.mark.parametrize(("lost", "is_explored"), [(3, True), (5, False)])
@@ -664,16 +495,6 @@ def test_a_bracket_is_certain_from_six_digits_and_a_hundred_errors_of_the_point(
     point.error = error
     point.__dict__["turning"] = np.array([turning])
     assert point.first == count
-
-
-def test_three_pairs_of_fields_show_the_sizes_of_terms(monkeypatch):
-    asked = []
-    monkeypatch.setattr(evaluation_point.program, "written_out", lambda curl: None)
-    monkeypatch.setattr(evaluation_point.term_sizes, "of", lambda curl, of: asked.append(of) or np.ones(1))
-    point = object.__new__(evaluation_point.EvaluationPoint)
-    point.block, point.sizes, point.x, point.p = block(curl=None), np.ones(1), np.zeros(1), np.zeros(0)
-    assert point.terms.tolist() == [1.0]
-    assert len(asked) == 3
 
 
 @pytest.mark.parametrize(("off", "is_near"), [(3e-13, True), (3e-12, False)])

@@ -35,23 +35,11 @@ class ManifoldParameters:
 
     __slots__ = ()
 
-    steps: int = 3
-    """So many walks are made over the surface at the start's time, and so many steps in each walk.
-    `test_three_walks_of_three_steps_are_made_over_a_manifold`."""
     step: float = 0.5
     """The first try of a step. `test_a_step_over_a_manifold_is_a_half_at_first`."""
     written: float = 100.0
     """By which factor values may be larger than those at the begin.
     `test_a_start_in_decimals_leaves_more_than_rounding`."""
-    decades: int = 4
-    """Of far steps, 10, 100, ..., where the manifold is as flat: what is small over a unit is not over many.
-    `test_a_row_that_follows_does_so_far_along_a_straight_line`."""
-    branch_points: int = 16
-    """Points sought. `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes`."""
-    closer: int = 4
-    """Steps have so many sizes by turns, each half of the one before, and the first of each size is a walk: a branch
-    that bends away is seen close by only.
-    `test_points_of_a_surface_are_sought_by_walks_and_steps_of_several_sizes`."""
 
 
 PARAMETERS = ManifoldParameters()
@@ -117,7 +105,7 @@ class Manifold:
         largest = float(np.abs(along).max(initial=0.0))
         if largest <= rank.PARAMETERS.large:
             return False
-        for size in (10.0**k for k in range(1, PARAMETERS.decades + 1)):
+        for size in 10.0 ** np.arange(1, 5):  # what is small over a unit is not over many
             point = z + size * along / largest
             there = self.reached(point, t)
             if there is None or np.abs(there - point).max() > PARAMETERS.step:
@@ -161,11 +149,11 @@ def satisfies_all(found: Manifold, z: Floats, t: float, times: Sequence[float]) 
     off = float(np.abs(found.look(z, t).F).max(initial=0.0))
     if found.fails_far(z, t, random.standard_normal(z.size)):
         return False
-    for time in (*([t] * PARAMETERS.steps), *times):
+    for time in (t, t, t, *times):
         here = found.reached(z, time)
         if here is None or not found.holds_all(here, time, off):
             return False
-        for _ in range(PARAMETERS.steps):
+        for _ in range(3):
             here = found.step(here, time, random.standard_normal(z.size))
             if here is None or not found.holds_all(here, time, off):
                 return False
@@ -211,11 +199,12 @@ def codimensions(part: ScaledPart, times: Sequence[float]) -> set[int | None]:
     found: set[int | None] = set()
     failed = 0
     random = np.random.default_rng(BRANCH_SEED)
-    for point in range(PARAMETERS.branch_points):
+    for point in range(16):
         z = part.begin
         t = times[point % len(times)] if times else part.state.t
-        size = projection.PARAMETERS.step / 2 ** (point % PARAMETERS.closer)
-        for _ in range(PARAMETERS.steps if point < PARAMETERS.closer else 1):
+        # Four sizes by turns, the first of each a walk: a branch that bends away is seen close by only.
+        size = projection.PARAMETERS.step / 2 ** (point % 4)
+        for _ in range(3 if point < 4 else 1):
             # A random step along the kernel of B, and back to the surface.
             tangent = rank.null_basis(decompositions.unit(part.at(z, t)[1]))
             direction = tangent @ random.standard_normal(tangent.shape[1])
@@ -235,7 +224,7 @@ def codimensions(part: ScaledPart, times: Sequence[float]) -> set[int | None]:
             later = [time for time in times if time > t]
             is_proved = count is not None and (count == len(part.rows) or is_regular(here, count, later))
             found.add(count if is_proved else None)
-        if None in found or len(found) > 1 or failed > PARAMETERS.branch_points // 2:
+        if None in found or len(found) > 1 or failed > 8:
             return {None}
     return found
 

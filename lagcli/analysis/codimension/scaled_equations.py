@@ -33,9 +33,6 @@ class ScalingParameters:
     curled: float = 1e-4
     """The radius of curvature of rows counts as a unit of length if it is not less than this part of the extent.
     `test_a_radius_of_curvature_is_a_unit_down_to_four_digits`."""
-    equilibrations: int = 10
-    """Rounds that make generalized coordinates move the rows alike.
-    `test_coordinates_are_measured_alike_after_ten_rounds`."""
 
 
 PARAMETERS = ScalingParameters()
@@ -225,7 +222,7 @@ def _units(system: System, state: State, coordinates: Indices, B: LocalRows, sec
     )
     row, column = np.divmod(numbers, m)
     of_B, of_second = of_both[: B.row.size], of_both[B.row.size :]
-    for _ in range(PARAMETERS.equilibrations):
+    for _ in range(10):
         size = np.zeros(numbers.size)
         np.add.at(size, of_second, second.changes(unit))
         size[of_B] = np.maximum(size[of_B], np.abs(B.values))

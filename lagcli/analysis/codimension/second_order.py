@@ -40,8 +40,6 @@ class SecondOrderParameters:
     growth: float = 8.0
     """The factor by which the weight of the barrier grows; at the weight w the largest t is known to (m + 1) / w.
     `test_a_combination_is_known_to_a_third_of_its_least_eigenvalue`."""
-    centerings: int = 60
-    """The most times it grows. `test_the_weight_of_the_barrier_grows_sixty_times`."""
     sufficient: float = 0.3
     """An eigenvalue that is known to this part of itself is known well enough.
     `test_a_combination_is_known_to_a_third_of_its_least_eigenvalue`."""
@@ -140,7 +138,7 @@ def definite_combination(matrices: Floats) -> Floats | None:
     if m == 0 or k == 0:
         return None
     x, weight = np.append(np.zeros(k), -1.0), 1.0
-    for _ in range(PARAMETERS.centerings):
+    for _ in range(60):
         x = _centered(matrices, x, weight)
         gap = (m + 1) / weight
         if x[-1] > doubles.ROOT and gap < PARAMETERS.sufficient * x[-1]:

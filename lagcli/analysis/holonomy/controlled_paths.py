@@ -159,28 +159,17 @@ def knots(frame: ControlledFrame, start: Floats, controls: Floats, steps: int) -
 
 
 class PathOrbitParameters:
-    """Random paths that explore an orbit; lengths are parts of the size of a loop.
-
-    The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`.
-    """
+    """Random paths that explore an orbit; lengths are parts of the size of a loop. The tests are of
+    `tests/unit/test_numbers_of_flags_and_loops.py`."""
 
     __slots__ = ()
 
-    beside: int = 3
-    """Points looked at beside one that may be singular.
-    `test_a_start_is_singular_where_three_points_a_tenth_beside_it_are_not`."""
     beside_by: float = 0.1
-    """How far they are from it. `test_a_start_is_singular_where_three_points_a_tenth_beside_it_are_not`."""
+    """How far points are from one that may be singular, which they are looked at beside.
+    `test_a_start_is_singular_where_three_points_a_tenth_beside_it_are_not`."""
     most: float = 0.8
     """An orbit is explored where this part of the paths comes back.
     `test_an_orbit_is_explored_where_four_in_five_paths_come_back`."""
-    paths: int = 40
-    """The most paths. `test_an_orbit_is_explored_by_forty_paths_of_three_pieces`."""
-    segments: int = 3
-    """Pieces of a path. `test_an_orbit_is_explored_by_forty_paths_of_three_pieces`."""
-    steps: int = 2
-    """Steps of a piece, which are doubled to see the error.
-    `test_an_orbit_is_explored_by_forty_paths_of_three_pieces`."""
     seen: float = doubles.STEP
     """Directions of this part are none: far above the error of a difference quotient.
     `test_a_direction_of_an_orbit_is_seen_to_five_digits`."""
@@ -222,13 +211,10 @@ def through(part: LocalPart, point: Floats, size: float, timed: bool) -> PathOrb
     control = np.eye(kernel.shape[1] + 1)[:m]  # of each field, the last in time
     # The fields at the ends of random paths, carried back to the point.
     random = np.random.default_rng(SEED)
-    count = min(PARAMETERS.paths, 2 * point.size + 4)
-    out = size * random.uniform(-1, 1, (count, PARAMETERS.segments, m)) @ control
+    count = min(40, 2 * point.size + 4)
+    out = size * random.uniform(-1, 1, (count, 3, m)) @ control
     out[0] = 0.0
-    rough, fine = (
-        _returned(frame, point, out, control, size, steps)
-        for steps in (PARAMETERS.steps, 2 * PARAMETERS.steps)
-    )
+    rough, fine = (_returned(frame, point, out, control, size, steps) for steps in (2, 4))
     with np.errstate(invalid="ignore"):
         # Beside a pole the difference of paths is that of their errors.
         sure = np.abs(fine - rough).max(axis=1) <= doubles.ROOT * np.abs(fine).max(axis=1)
@@ -249,9 +235,9 @@ def is_singular(part: LocalPart, point: Floats) -> bool:
     if kernel is None:
         return True
     random = np.random.default_rng(SEED)
-    out = np.zeros((PARAMETERS.beside, 1, kernel.shape[1] + 1))
-    out[:, 0, :-1] = PARAMETERS.beside_by * random.standard_normal((PARAMETERS.beside, kernel.shape[1]))
-    points = ends(Projected(part, kernel), point, out, PARAMETERS.steps)
+    out = np.zeros((3, 1, kernel.shape[1] + 1))
+    out[:, 0, :-1] = PARAMETERS.beside_by * random.standard_normal((3, kernel.shape[1]))
+    points = ends(Projected(part, kernel), point, out, 2)
     kernels = (_kernel(part, end) for end in points if np.isfinite(end).all())
     return any(other is not None and other.shape[1] < kernel.shape[1] for other in kernels)
 

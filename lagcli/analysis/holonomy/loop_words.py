@@ -23,16 +23,11 @@ Flags = npt.NDArray[np.bool_]
 
 
 class LoopWordParameters:
-    """Words of moves, and the lengths for which they close; sizes are parts of that of a loop.
-
-    The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`.
-    """
+    """Words of moves, and the lengths for which they close; sizes are parts of that of a loop. The tests are of
+    `tests/unit/test_numbers_of_flags_and_loops.py`."""
 
     __slots__ = ()
 
-    few: int = 1
-    """Steps in each segment to choose a word.
-    `test_words_are_chosen_by_one_step_in_each_segment_and_taken_by_two_and_twelve`."""
     steps: int = 2
     """Steps in each segment to come near with its lengths.
     `test_lengths_are_solved_for_with_rough_paths_and_then_with_fine_ones`."""
@@ -40,20 +35,9 @@ class LoopWordParameters:
     """Steps in each segment to end. `test_lengths_are_solved_for_with_rough_paths_and_then_with_fine_ones`."""
     coarse: float = controlled_paths.PARAMETERS.seen
     """Rough paths that miss by so little are near. `test_rough_paths_come_near_to_five_digits`."""
-    iterations: int = 16
-    """Turns with rough paths. `test_rough_paths_come_near_in_sixteen_turns`."""
-    polish: int = 10
-    """Turns with fine ones. `test_fine_paths_close_in_ten_turns`."""
     contracts: float = 0.7
     """A start that misses by more of what it missed before is left.
     `test_a_start_that_does_not_contract_after_three_turns_is_left`."""
-    free_turns: int = 3
-    """After so many turns. `test_a_start_that_does_not_contract_after_three_turns_is_left`."""
-    starts: int = 4
-    """Starts for a path of any shape. `test_a_path_of_any_shape_is_solved_for_from_four_starts`."""
-    at_random: int = 12
-    """Trials where all combinations would be too many.
-    `test_trial_lengths_are_halves_and_wholes_or_twelve_at_random`."""
     halves: tuple[int, ...] = (1, 2, -1, -2)
     """Lengths of trials, whole numbers of units of the coordinates.
     `test_trial_lengths_are_halves_and_wholes_or_twelve_at_random`."""
@@ -123,7 +107,7 @@ def loops(
             basis[position, which, offset : offset + count - 1] = -1.0
     scale = np.concatenate([np.full(count_a - 1, units[first]), np.full(count_b - 1, units[second])])
     if extra > 1:  # all combinations of round lengths would be too many
-        grid = np.random.default_rng(letters).standard_normal((PARAMETERS.at_random, letters - 2))
+        grid = np.random.default_rng(letters).standard_normal((12, letters - 2))
     else:
         values = [(0.0, *PARAMETERS.halves), *[(*PARAMETERS.halves, 4.0, -4.0)] * (count_a - 2)]
         others = [(1.0,), *[(0.0, *PARAMETERS.halves)] * (count_b - 2)]
@@ -142,7 +126,7 @@ def words_in_time(
     fixed = np.zeros((letters, m))
     fixed[:, -1] = units[-1]
     if extra > 1:
-        grid = np.random.default_rng(letters).standard_normal((PARAMETERS.at_random, letters - 1))
+        grid = np.random.default_rng(letters).standard_normal((12, letters - 1))
     else:
         values = [PARAMETERS.halves, *[(0.0, *PARAMETERS.halves)] * (letters - 2)]
         grid = np.array(list(itertools.product(*values)))
@@ -152,7 +136,7 @@ def words_in_time(
 def free_paths(
     frame: controlled_paths.Projected, size: float, timed: bool, segments: int
 ) -> tuple[LoopWords, Floats]:
-    """Paths of any shape: random controls (N, q) in some segments, to be solved for."""
+    """Paths of any shape: four random controls (N, q) in some segments, to be solved for."""
     m = frame.directions.shape[1]
     random = np.random.default_rng(segments)
     count = segments * m
@@ -160,7 +144,7 @@ def free_paths(
     basis[:, :m] = np.eye(count).reshape(segments, m, count)
     fixed = np.zeros((segments, m + 1))
     fixed[:, -1] = size if timed else 0.0
-    lengths = size * random.standard_normal((PARAMETERS.starts, count)) / np.sqrt(m)
+    lengths = size * random.standard_normal((4, count)) / np.sqrt(m)
     return LoopWords(frame, basis, fixed, fixed if timed else None), lengths
 
 
@@ -173,7 +157,7 @@ def solved(words: LoopWords, goal: Goal, X: Floats, varied: Flags, enough: int |
     near: list[tuple[Floats, Floats]] = []
     last = np.full(len(X), np.inf)
     wanted = _wanted(goal)
-    for turn in range(PARAMETERS.iterations):
+    for turn in range(16):
         ends, J = controlled_paths.turned(
             words.frame, goal.start, words.controls(X), words.basis, PARAMETERS.steps
         )
@@ -181,7 +165,7 @@ def solved(words: LoopWords, goal: Goal, X: Floats, varied: Flags, enough: int |
         worst = np.abs(miss).max(axis=1, initial=0.0)
         with np.errstate(invalid="ignore"):
             on = np.isfinite(worst) & np.isfinite(J).all(axis=(1, 2))
-            on &= (worst < PARAMETERS.contracts * last) | (turn < PARAMETERS.free_turns)
+            on &= (worst < PARAMETERS.contracts * last) | (turn < 3)  # at first it may rise
             there = on & (worst <= PARAMETERS.coarse * goal.size)
         X, J, miss, varied, last, there = (x[on] for x in (X, J, miss, varied, worst, there))
         if not on.any():
@@ -205,7 +189,7 @@ def _polished(words: LoopWords, goal: Goal, near: list[tuple[Floats, Floats]]) -
     X, inverse = (np.array(each) for each in zip(*near, strict=True))
     last = np.full(len(X), np.inf)
     rest, wanted = words.resting(goal, PARAMETERS.sure), _wanted(goal)
-    for _ in range(PARAMETERS.polish):
+    for _ in range(10):
         ends = controlled_paths.ends(words.frame, goal.start, words.controls(X), PARAMETERS.sure)
         miss = _asked(goal, ends - rest) - wanted
         worst = np.abs(miss).max(axis=1, initial=0.0)

@@ -25,36 +25,20 @@ Floats = npt.NDArray[np.float64]
 
 
 class WitnessParameters:
-    """Requirements on a path that proves a row not integrable; sizes are parts of that of the loop.
-
-    The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`.
-    """
+    """Requirements on a path that proves a row not integrable; sizes are parts of that of the loop. The tests are of
+    `tests/unit/test_numbers_of_flags_and_loops.py`."""
 
     __slots__ = ()
 
     clear: float = 0.04
     """The least amount worth showing. `test_an_amount_is_worth_showing_from_a_twenty_fifth_of_the_size`."""
-    shown: int = 12
-    """Points of a segment that are kept. `test_a_path_is_followed_in_finer_steps_to_ninety_six`."""
-    coarsest: int = 48
-    """Steps in a segment from which on a path that still changes by more than `hopeless` is given up.
-    `test_a_path_that_still_changes_at_forty_eight_steps_is_given_up`."""
-    finest: int = 96
-    """The most steps in a segment. `test_a_path_is_followed_in_finer_steps_to_ninety_six`."""
     far: float = 25.0
     """The farthest that a loop may reach. `test_a_loop_reaches_twenty_five_sizes_at_most`."""
-    near: int = 8
-    """Words whose lengths are solved for. `test_the_lengths_of_eight_words_are_solved_for`."""
     near_miss: float = 1.5
     """The most that they miss by, of the amount they move. `test_words_that_miss_by_what_they_move_are_solved_for`."""
-    sampled: int = 200
-    """Closed paths that are looked at. `test_two_hundred_closed_paths_are_looked_at`."""
     smooth: float = 1e-4
     """The change of their ends with finer steps that is allowed: near a pole the steps do not converge.
     `test_the_end_of_a_path_stays_with_finer_steps`."""
-    enough: int = 2
-    """Solutions among which the simplest is taken, of starts taken at random.
-    `test_the_simplest_of_two_shapes_is_taken`."""
 
 
 PARAMETERS = WitnessParameters()
@@ -149,8 +133,8 @@ def proved(words: LoopWords, goal: Goal, x: Floats) -> Witness | None:
         back=tuple(names[i] for i in np.flatnonzero(~moved[:-1]) if i != goal.along),
         follow=tuple(names[i] for i in np.flatnonzero(moved)),
         free=tuple(names[i] for i in free),
-        paths=tuple(
-            Path(p[::n], p[:: max(1, n // PARAMETERS.shown)]) for p, n in zip(points, steps, strict=True)
+        paths=tuple(  # of each move twelve points
+            Path(p[::n], p[:: max(1, n // 12)]) for p, n in zip(points, steps, strict=True)
         ),
         row_residual=residual,
         surface_residual=max(part.residual(p[:: max(1, len(p) // 100)] / scale) for p in points),
@@ -176,16 +160,14 @@ def _followed(
     frame: controlled_paths.ControlledFrame, base: Floats, controls: Floats
 ) -> tuple[Floats, Floats] | None:
     """Points of a path and the error of its end (k + 1,), from steps halved until nothing changes."""
-    steps = PARAMETERS.shown // 2
-    points = controlled_paths.knots(frame, base, controls, steps)
-    while steps < PARAMETERS.finest:
-        steps *= 2
+    points = controlled_paths.knots(frame, base, controls, 6)
+    for steps in (12, 24, 48, 96):
         finer = controlled_paths.knots(frame, base, controls, steps)
         if not np.isfinite(finer).all():
             return None
         changed = np.abs(finer[-1] - points[-1])
         points = finer
-        if steps >= PARAMETERS.coarsest and changed.max() > doubles.ROOT:
+        if steps >= 48 and changed.max() > doubles.ROOT:
             return None
         if changed.max() <= doubles.VALUE * max(1.0, np.abs(points).max()):
             break
@@ -219,8 +201,9 @@ class LoopTrial:
 
     @cached_property
     def ends(self) -> tuple[Floats, Floats]:
-        """The way each word moves the coordinate, nan where it meets a pole, and its distance from closing, (N,)."""
-        found = self.words.offsets(self.goal, self.lengths, loop_words.PARAMETERS.few)
+        """The way each word moves the coordinate, nan where it meets a pole, and its distance from closing, (N,), by
+        one step in each segment."""
+        found = self.words.offsets(self.goal, self.lengths, 1)
         with np.errstate(invalid="ignore"):
             wild = ~(np.abs(found).max(axis=1) < PARAMETERS.far * self.goal.size)
             amount = np.where(wild, np.nan, found[:, self.goal.along])
@@ -239,7 +222,7 @@ class LoopTrial:
         amount, miss = self.ends
         with np.errstate(invalid="ignore"):
             near = np.flatnonzero(np.isfinite(amount) & (miss < PARAMETERS.near_miss * np.abs(amount)))
-        near = near[np.argsort(miss[near] / np.abs(amount[near]), kind="stable")][: PARAMETERS.near]
+        near = near[np.argsort(miss[near] / np.abs(amount[near]), kind="stable")][:8]
         if not near.size:
             return None
         # The lengths to solve for: each by itself where one condition is to be met, and all.
@@ -251,17 +234,17 @@ class LoopTrial:
         return self.first(loop_words.solved(self.words, self.goal, X, varied))
 
     def shaped(self) -> Witness | None:
-        """A path from lengths taken at random that closes and moves the coordinate by half the size."""
+        """The simpler of two paths from lengths taken at random that close and move the coordinate by half the size."""
         goal = dataclasses.replace(self.goal, amount=self.goal.size / 2)
         varied = np.ones(self.lengths.shape, dtype=bool)
-        return self.first(loop_words.solved(self.words, goal, self.lengths, varied, PARAMETERS.enough))
+        return self.first(loop_words.solved(self.words, goal, self.lengths, varied, enough=2))
 
     def first(self, X: Floats) -> Witness | None:
         """The simplest of paths that close, if its proof holds."""
         if not len(X):
             return None
         size = self.goal.size
-        X = X[np.argsort(np.abs(X).sum(axis=1), kind="stable")[: PARAMETERS.sampled]]
+        X = X[np.argsort(np.abs(X).sum(axis=1), kind="stable")[:200]]
         rough, fine = (
             self.words.offsets(self.goal, X, n)
             for n in (loop_words.PARAMETERS.steps, loop_words.PARAMETERS.sure)

@@ -3,6 +3,7 @@ words of moves that are tried."""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import itertools
 import math
@@ -29,10 +30,7 @@ Numbers = npt.NDArray[np.int64]
 
 
 class WitnessSearchParameters:
-    """The order of the search and its ends.
-
-    The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`.
-    """
+    """The order of the search. The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`."""
 
     __slots__ = ()
 
@@ -42,30 +40,16 @@ class WitnessSearchParameters:
     far: tuple[float, ...] = (0.02, 10.0, 100.0, 1e-3)
     """Sizes that come last, with round lengths alone: few systems need them.
     `test_sizes_of_loops_are_tried_from_usual_ones_to_far_ones`."""
-    shifts: int = 4
-    """Configurations tried, the start first. `test_places_of_a_loop_are_the_start_three_bent_ones_and_three_beside`."""
-    bends: int = 3
-    """Bent configurations tried between the start and the configurations beside it.
-    `test_places_of_a_loop_are_the_start_three_bent_ones_and_three_beside`."""
     bent: float = 0.5
     """The angle by which holonomic rows are turned in them, rad. `test_holonomic_rows_are_turned_by_half_a_radian`."""
     drawn: float = 0.7
     """The part that is left of the distances of particles from those of the row.
     `test_particles_are_drawn_together_to_seven_tenths`."""
-    together: int = 2
-    """Parts among which the simplest witness is looked for.
-    `test_the_simplest_loop_is_looked_for_in_two_parts_at_a_time`."""
-    movable: int = 3
-    """Coordinates that are tried as the one that moves. `test_three_coordinates_are_tried_as_the_one_that_moves`."""
-    choices: int = 4
-    """Choices of led coordinates tried for one goal. `test_four_choices_of_led_coordinates_are_tried`."""
     combinations: int = 200
     """Sets of coordinates up to which all are tried. `test_up_to_two_hundred_sets_of_coordinates_all_are_tried`."""
     many: int = 1
     """Conditions up to which all words of round lengths are tried.
     `test_of_one_condition_two_goals_are_tried_and_of_more_one`."""
-    segments: tuple[int, ...] = (4, 6)
-    """Pieces of a loop of any shape. `test_a_loop_of_any_shape_has_four_pieces_or_six`."""
 
 
 PARAMETERS = WitnessSearchParameters()
@@ -81,29 +65,27 @@ def find(system: System, numeric: NumericSystem, row: str, deadline: float) -> W
     names = [r.name for r in system.rows.rows]
     if row not in names:
         raise KeyError(row)
-    declared = assembly.assemble(system, numeric, initial.declared(system), ()).state
-    try:
-        for shift, state in _base_states(system, numeric, declared, names.index(row)):
-            everywhere = around(system, numeric, state, names.index(row), deadline)
+    declared, number = (
+        assembly.assemble(system, numeric, initial.declared(system), ()).state,
+        names.index(row),
+    )
+
+    def states() -> Iterator[tuple[int, State | None]]:
+        """The declared configuration, three bent ones, and three beside the declared one."""
+        yield 0, declared
+        for seed in range(3 if system.holonomic_count else 0):
+            yield 0, _bent(system, numeric, declared, number, seed)
+        yield from ((shift, declared) for shift in (1, 2, 3))
+
+    with contextlib.suppress(LoopTimeUpError):
+        for shift, state in states():
+            everywhere = [] if state is None else around(system, numeric, state, number, deadline)
             parts = [part for part in everywhere if part.k <= LARGEST]
             found = _found(parts, len(parts) == len(everywhere), shift)
             if found is not None:
                 is_bent = state is not declared
                 return dataclasses.replace(found, is_shifted=shift > 0 or is_bent, is_bent=is_bent)
-    except LoopTimeUpError:
-        pass
     return None
-
-
-def _base_states(
-    system: System, numeric: NumericSystem, declared: State, row: int
-) -> Iterator[tuple[int, State]]:
-    """The configurations to begin at: the declared one, bent ones, and some beside the declared one."""
-    yield 0, declared
-    if system.holonomic_count:
-        bent = (_bent(system, numeric, declared, row, seed) for seed in range(PARAMETERS.bends))
-        yield from ((0, state) for state in bent if state is not None)
-    yield from ((shift, declared) for shift in range(1, PARAMETERS.shifts))
 
 
 def _bent(system: System, numeric: NumericSystem, state: State, row: int, seed: int) -> State | None:
@@ -137,9 +119,8 @@ def _bent(system: System, numeric: NumericSystem, state: State, row: int, seed: 
 
 
 def _found(parts: list[LocalPart], is_whole: bool, shift: int) -> Witness | None:
-    """The first witness, in few parts at a time, the smaller ones first."""
-    for first in range(0, len(parts), PARAMETERS.together):
-        group = parts[first : first + PARAMETERS.together]
+    """The first witness, in two parts at a time, the smaller ones first."""
+    for group in (parts[first : first + 2] for first in range(0, len(parts), 2)):
         searches = list(_searches(group, shift, is_whole and group[-1] is parts[-1]))
         # Words that close by themselves have round lengths; then those whose lengths must be solved for, at last so
         # that the coordinate moves by a round amount. Sizes far from one come last: few systems need them.
@@ -222,7 +203,7 @@ class _WitnessSearch:
                 closed = _pivots(found.tangent.T, along)[1 : found.tangent.shape[1]]
                 is_crossed = self._is_crossed(found.lift(np.append(closed, along)))
                 goals = [Goal(self.base, along, closed, self.size)] if is_crossed else []
-            for goal, segments in itertools.product(goals, PARAMETERS.segments):
+            for goal, segments in itertools.product(goals, (4, 6)):
                 yield LoopTrial(goal, *loop_words.free_paths(frame, self.size, self.timed, segments))
 
     @cached_property
@@ -266,7 +247,7 @@ class _WitnessSearch:
             return []
         clearest = np.argsort(-np.abs(omega[:-1]), kind="stable").tolist()
         seen = [i for i in clearest if abs(omega[i]) > controlled_paths.PARAMETERS.seen]
-        return [(found, i) for i in seen[: PARAMETERS.movable]]
+        return [(found, i) for i in seen[:3]]
 
     def _omega(self, z: Floats) -> Floats:
         """The row (k + 1,) at a point, of length one."""
@@ -327,7 +308,7 @@ class _WitnessSearch:
                     (-steering, round(math.log10(worst)), controlled_paths.Axes(part, chosen, led, free))
                 )
         ranked.sort(key=lambda entry: entry[:2])
-        return [axes for *_, axes in ranked[: PARAMETERS.choices]]
+        return [axes for *_, axes in ranked[:4]]
 
 
 def _pivots(rows: Floats, first: int) -> Numbers:

@@ -26,18 +26,13 @@ Floats = npt.NDArray[np.float64]
 
 
 class BracketParameters:
-    """Brackets at a point, relative to the size of what they are made of.
-
-    The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`.
-    """
+    """The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`."""
 
     __slots__ = ()
 
     off: float = 100.0
     """A value that vanishes on the orbit is less than this many times its size and how far the point is off.
     `test_a_bracket_is_certain_from_six_digits_and_a_hundred_errors_of_the_point`."""
-    looked_at: int = 3
-    """So many pairs of fields show the sizes of terms. `test_three_pairs_of_fields_show_the_sizes_of_terms`."""
 
 
 PARAMETERS = BracketParameters()
@@ -177,7 +172,7 @@ class EvaluationPoint:
     def terms(self) -> Floats:
         """The sizes (m,) of what d omega_i of fields of this size is made of, for the differential rows."""
         curl, random = program.written_out(self.block.curl), np.random.default_rng(SEED)
-        fields = random.standard_normal((PARAMETERS.looked_at, 2, self.block.size)) * self.sizes
+        fields = random.standard_normal((3, 2, self.block.size)) * self.sizes
         sizes = [term_sizes.of(curl, [self.x, self.p, Y, Z]) for Y, Z in fields]
         return np.asarray(np.max(sizes, axis=0))
 

@@ -37,41 +37,18 @@ Field = Callable[[Floats], Floats | None]
 
 
 class FlowParameters:
-    """Flows along the fields of the rows; parts are of the sizes of the coordinates.
-
-    The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`.
-    """
+    """Flows along the fields of the rows. The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`."""
 
     __slots__ = ()
 
     step: float = 0.1
-    """The reach of one flow. `test_a_flow_reaches_a_tenth_of_the_coordinates_and_a_hundredth_of_the_duration`."""
-    later: float = initial.PARAMETERS.later
-    """Its length in time, as a part of the duration.
+    """The reach of one flow, as a part of the sizes of the coordinates.
     `test_a_flow_reaches_a_tenth_of_the_coordinates_and_a_hundredth_of_the_duration`."""
-    shorter: int = 8
-    """The times it is shortened. `test_a_flow_is_made_shorter_eight_times_by_four`."""
-    factor: int = 4
-    """By which factor. `test_a_flow_is_made_shorter_eight_times_by_four`."""
-    few: int = 3
-    """If the first so many extrapolations differ by more than `hopeless`, the others would not come down to it.
-    `test_a_flow_that_is_off_after_three_extrapolations_is_left`."""
     hopeless: float = 1e-3
-    """That difference, as a part of the step. `test_a_flow_that_is_off_after_three_extrapolations_is_left`."""
-    substeps: tuple[int, ...] = (2, 4, 6, 8, 10, 12, 14, 16)
-    """Substeps of the midpoint rule that are extrapolated.
-    `test_a_flow_is_extrapolated_from_eight_numbers_of_substeps`."""
+    """If the first three extrapolations differ by more than this part of the step, the others would not come down to
+    rounding. `test_a_flow_that_is_off_after_three_extrapolations_is_left`."""
     roughly: float = doubles.STEP
     """A flow that has come no closer than this is none. `test_a_flow_ends_somewhere_to_five_digits`."""
-    flows: int = 2
-    """One after the other, each from the point before; of many rows one, which takes long.
-    `test_two_flows_follow_each_other`."""
-    lines: int = 4
-    """Straight lines through a start on switches, which are looked at on both sides.
-    `test_both_sides_of_switches_are_looked_at_on_four_lines`."""
-    looks: int = 32
-    """Points of a flow at which it is looked at whether it stays on its piece.
-    `test_a_flow_is_looked_at_in_thirty_two_points`."""
 
 
 PARAMETERS = FlowParameters()
@@ -104,7 +81,7 @@ class Points:
         """The point with the highest ranks; among equals the last, which is no special choice of anyone."""
         count = len(self._block.holonomic) + len(self._block.differential)
         if self.start.all.low < count or self.start.first < len(self.start.differential):
-            for _ in range(1 if self.start.rows.is_large else PARAMETERS.flows):
+            for _ in range(1 if self.start.rows.is_large else 2):  # one takes long
                 there = self.from_point(self.visited[-1])
                 if there is None:
                     break
@@ -118,7 +95,7 @@ class Points:
             return True
         x, p = self.start.x, self.start.p
         way = kinks.PARAMETERS.farther * initial.size(x)
-        lines = [way * decompositions.generic_direction(x.size, seed) for seed in range(PARAMETERS.lines)]
+        lines = [way * decompositions.generic_direction(x.size, seed) for seed in range(4)]
         for away in (side * line for line in lines for side in (1.0, -1.0)):
             block = self._block.on_branch(x + away, p, 0.0)
             here, beyond = EvaluationPoint(block, x, p), EvaluationPoint(block, x + away, p)
@@ -149,7 +126,7 @@ class Points:
         values = np.abs(point.x[:n])
         of_kind = np.full(int(kinds.max(initial=0)) + 1, min(float(values.max(initial=0.0)) or 1.0, 1.0))
         np.maximum.at(of_kind, kinds[:n], values)
-        ranges = np.full(self._block.size, PARAMETERS.later * self._duration)
+        ranges = np.full(self._block.size, initial.PARAMETERS.later * self._duration)
         ranges[:n] = PARAMETERS.step * of_kind[kinds[:n]]
         u = self._random.standard_normal(self._block.size)
         size = initial.size(point.x[:n])
@@ -169,11 +146,11 @@ class Points:
         sign = -1.0 if self._block.has_time and first[-1] < 0 else 1.0
         best = EvaluationPoint(self._block, point.x, point.p, math.inf)
         rounding = max(doubles.VALUE, doubles.SUM / point.least)
-        for k in range(PARAMETERS.shorter):
+        for k in range(8):  # each a quarter of the one before
             spans.require_time(self._deadline)
-            scale = sign * ranges / largest / PARAMETERS.factor**k
+            scale = sign * ranges / largest / 4**k
             if self._block.pieces.count:  # on each of which the rows are analytic
-                path = _path(along, point.x, scale, PARAMETERS.looks)
+                path = _path(along, point.x, scale, 32)
                 if path is None or self._block.pieces.end_between(np.array(path), point.p):
                     continue
             x, error = _flow(along, point.x, scale)
@@ -209,19 +186,20 @@ def _flow(along: Field, x: Floats, scale: Floats) -> tuple[Floats, float]:
     of the scale, infinite where there is no value on the way."""
     table: list[Floats] = []
     error = math.inf
-    for k, count in enumerate(PARAMETERS.substeps):
+    substeps = range(2, 18, 2)
+    for k, count in enumerate(substeps):
         path = _path(along, x, scale, count)
         slope = None if path is None else along(path[-1])
         if path is None or slope is None:
             return x, math.inf
         row = [0.5 * (path[-1] + path[-2] + scale * slope / count)]
         for j in range(1, k + 1):
-            factor = (count / PARAMETERS.substeps[k - j]) ** 2
+            factor = (count / substeps[k - j]) ** 2
             row.append(row[-1] + (row[-1] - table[j - 1]) / (factor - 1.0))
         if k:
             error = float(np.abs((row[-1] - row[-2]) / scale).max(initial=0.0))
         table = row
-        if error <= doubles.VALUE or (k + 1 == PARAMETERS.few and error > PARAMETERS.hopeless):
+        if error <= doubles.VALUE or (k == 2 and error > PARAMETERS.hopeless):
             break
     return table[-1], error
 
