@@ -23,10 +23,7 @@ Floats = npt.NDArray[np.float64]
 
 
 class IndependentRowsParameters:
-    """The choice of independent rows, and what the others follow from.
-
-    The tests are of `tests/unit/test_numbers_of_rows.py` and `tests/unit/test_long_frameworks.py`.
-    """
+    """The choice of independent rows. The tests are of `tests/unit/test_numbers_of_rows.py`."""
 
     __slots__ = ()
 
@@ -37,17 +34,6 @@ class IndependentRowsParameters:
     """Other rows are taken where their angle is this many times as large, or, of many, where one that follows from the
     independent ones has a larger weight than this: each time the volume that they span grows by so much.
     `test_other_rows_are_taken_where_they_are_four_times_as_far_from_dependent_ones`."""
-    near: int = 60
-    """Of many rows a dependency is looked for among up to so many before all are asked, which costs more.
-    `test_a_dependency_is_looked_for_among_sixty_near_rows`."""
-    together: int = 40
-    """Rows whose weights over all independent ones are found at once: more take memory, fewer time.
-    `test_weights_over_all_rows_are_found_for_forty_at_once`."""
-    most_listed: int = 6
-    """Dependencies that are reported one by one.
-    `test_six_dependencies_are_listed_and_twenty_rows_of_one_are_named`."""
-    most_named: int = 20
-    """Rows of a dependency that are named. `test_six_dependencies_are_listed_and_twenty_rows_of_one_are_named`."""
 
 
 PARAMETERS = IndependentRowsParameters()
@@ -191,8 +177,8 @@ def over(rows: MetricRows, independent: tuple[int, ...]) -> Dependence:
     rest = sorted(set(range(rows.count)) - set(independent))
     known = _near_weights(rows, independent, rest) if rows.is_large else {}
     far = [row for row in rest if row not in known]
-    for some in (far[k : k + PARAMETERS.together] for k in range(0, len(far), PARAMETERS.together)):
-        least = rank.PARAMETERS.small if rows.is_large else 0.0
+    least = rank.PARAMETERS.small if rows.is_large else 0.0
+    for some in (far[k : k + 40] for k in range(0, len(far), 40)):  # more take memory, fewer time
         for row, weights in zip(some, _combinations(rows, list(independent), some), strict=True):
             among = np.flatnonzero(np.abs(weights) > least).tolist()
             known[row] = {independent[k]: float(weights[k]) for k in among}
@@ -227,28 +213,19 @@ def _near_weights(
         while True:
             added = [i for j in columns for i in holding.get(j, ()) if i not in near]
             near |= dict.fromkeys(added)
-            if not added or len(near) > PARAMETERS.near:
-                break
+            if not added or len(near) > 60:
+                break  # to ask all rows costs less
             columns |= dict.fromkeys(j for i in added for j in by_row[i])
-            weights = _weights_among(by_row, list(near), list(columns), row)
-            if weights is not None:
-                found[row] = weights
+            at = {j: k for k, j in enumerate(columns)}
+            B = np.zeros((len(near) + 1, len(columns)))
+            for k, i in enumerate((*near, row)):
+                B[k, [at[j] for j in by_row[i]]] = list(by_row[i].values())
+            weights = decompositions.least_squares(B[:-1].T, B[-1])
+            if np.linalg.norm(weights @ B[:-1] - B[-1]) <= doubles.VALUE:
+                pairs = zip(near, weights.tolist(), strict=True)
+                found[row] = {i: w for i, w in pairs if abs(w) > rank.PARAMETERS.small}
                 break
     return found
-
-
-def _weights_among(
-    by_row: list[dict[int, float]], near: list[int], columns: list[int], row: int
-) -> Mapping[int, float] | None:
-    """The weights of a row over others, all on these columns, or None where it is no combination of them."""
-    at = {j: k for k, j in enumerate(columns)}
-    B = np.zeros((len(near) + 1, len(columns)))
-    for k, i in enumerate((*near, row)):
-        B[k, [at[j] for j in by_row[i]]] = list(by_row[i].values())
-    weights = decompositions.least_squares(B[:-1].T, B[-1])
-    if np.linalg.norm(weights @ B[:-1] - B[-1]) > doubles.VALUE:
-        return None
-    return {i: w for i, w in zip(near, weights.tolist(), strict=True) if abs(w) > rank.PARAMETERS.small}
 
 
 def joined(first: Selection, others: Iterable[Selection]) -> Selection:
@@ -262,20 +239,19 @@ def joined(first: Selection, others: Iterable[Selection]) -> Selection:
 
 
 def shares(dependencies: Sequence[Sequence[str]]) -> list[str]:
-    """The dependencies in words, by the names of their rows."""
+    """The dependencies in words, by the names of their rows: six dependencies, and twenty rows of one."""
     shares = []
-    for names in dependencies[: PARAMETERS.most_listed]:
+    for names in dependencies[:6]:
         quoted = [f"`{name}`" for name in names]
         if len(quoted) == 1:
             shares.append(f"{quoted[0]} makes no force, and any multiplier will do")
         elif len(quoted) == 2:
             shares.append(f"{quoted[0]} and {quoted[1]} share one force")
         else:
-            more = ["..."] if len(quoted) > PARAMETERS.most_named else []
-            shown = ", ".join([*quoted[: PARAMETERS.most_named], *more])
+            shown = ", ".join([*quoted[:20], *["..."] * (len(quoted) > 20)])
             shares.append(f"{shown}: a force in one can be passed to the others")
-    if len(dependencies) > PARAMETERS.most_listed:
-        shares.append(f"and {len(dependencies) - PARAMETERS.most_listed} more")
+    if len(dependencies) > 6:
+        shares.append(f"and {len(dependencies) - 6} more")
     return shares
 
 

@@ -5,8 +5,6 @@ A model of Cartesian particles has a diagonal M, one of many bodies a block for 
 
 from __future__ import annotations
 
-import dataclasses
-
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
@@ -75,20 +73,22 @@ class Metric:
                 return ca.DM(fixed.sparsity(), ca.DM(values * scale[columns]))
         rows = np.asarray(fixed.sparsity().row(), dtype=np.intp)
         # Where coordinates are coupled entries of a block fill it in the rows that touch it.
-        entries = _Entries(rows, columns, values)
         number = np.full(scale.size, -1)
         for i, block in enumerate(self._blocks):
             number[block.indices] = i
-        of = number[entries.column]
+        of = number[columns]
         order = np.argsort(of, kind="stable")
         ends = np.searchsorted(of[order], np.arange(len(self._blocks) + 1))
-        alone = entries.taken(order[: ends[0]])
-        parts = [dataclasses.replace(alone, value=alone.value * scale[alone.column])]
-        pairs = zip(self._blocks, ends, ends[1:], strict=False)
-        parts += [block.whitened(entries.taken(order[first:end])) for block, first, end in pairs]
-        row, column, value = (
-            np.concatenate([getattr(part, field) for part in parts]) for field in ("row", "column", "value")
-        )
+        alone = order[: ends[0]]
+        parts = [(rows[alone], columns[alone], values[alone] * scale[columns[alone]])]
+        for block, first, end in zip(self._blocks, ends, ends[1:], strict=False):
+            here, size = order[first:end], block.indices.size
+            touched, at = np.unique(rows[here], return_inverse=True)
+            dense = np.zeros((touched.size, size))
+            dense[at, np.searchsorted(block.indices, columns[here])] = values[here]
+            turned = np.linalg.solve(block.lower, dense.T).T
+            parts.append((np.repeat(touched, size), np.tile(block.indices, touched.size), turned.ravel()))
+        row, column, value = (np.concatenate(each) for each in zip(*parts, strict=True))
         return ca.DM.triplet(row.tolist(), column.tolist(), ca.DM(value), *fixed.shape)
 
     def unwhitened(self, u: Floats) -> Floats:
@@ -122,32 +122,11 @@ class Metric:
 
 
 @frozen
-class _Entries:
-    """Entries of a sparse matrix, all (z,)."""
-
-    row: Indices
-    column: Indices
-    value: Floats
-
-    def taken(self, indices: Indices) -> _Entries:
-        """Some of the entries."""
-        return _Entries(self.row[indices], self.column[indices], self.value[indices])
-
-
-@frozen
 class _MassBlock:
     """Free coordinates that are coupled, by their indices (k,), and the lower factor of M over them (k, k)."""
 
     indices: Indices
     lower: Floats
-
-    def whitened(self, entries: _Entries) -> _Entries:
-        """Entries of rows over these coordinates, times M^-1/2."""
-        rows, here = np.unique(entries.row, return_inverse=True)
-        dense = np.zeros((rows.size, self.indices.size))
-        dense[here, np.searchsorted(self.indices, entries.column)] = entries.value
-        turned = np.asarray(np.linalg.solve(self.lower, dense.T).T, dtype=float)
-        return _Entries(np.repeat(rows, self.indices.size), np.tile(self.indices, rows.size), turned.ravel())
 
 
 def _blocks(M: ca.DM, free: Flags, index: Indices) -> list[_MassBlock]:
@@ -163,12 +142,19 @@ def _blocks(M: ca.DM, free: Flags, index: Indices) -> list[_MassBlock]:
             continue
         among = np.sort(np.asarray(order[ends[i] : ends[i + 1]], dtype=np.intp))
         whole = np.array(M[among.tolist(), among.tolist()])
+        # Scaled to a unit diagonal the answer does not depend on units; rounding leaves the smallest eigenvalue of a
+        # singular M at eps. A factorization is far cheaper than eigenvalues, and all that a clearly definite M asks.
+        scale = np.sqrt(np.diag(whole))
+        scaled = whole / np.outer(scale, scale)
+        least = M.shape[0] * doubles.EPS
         try:
-            _require_definite(whole, M.shape[0])
-        except NotDefiniteError as error:
-            if worst is None or error.value < worst.value:
-                worst = NotDefiniteError(int(among[error.along]), error.value)
-            continue
+            np.linalg.cholesky(scaled - CLEARLY * least * np.eye(len(scaled)))
+        except np.linalg.LinAlgError:
+            eigenvalues, vectors = np.linalg.eigh(scaled)
+            if not eigenvalues[0] > least:
+                error = NotDefiniteError(int(among[np.argmax(np.abs(vectors[:, 0]))]), float(eigenvalues[0]))
+                worst = error if worst is None or error.value < worst.value else worst
+                continue
         independent = free[among]
         if independent.any():
             lower = np.asarray(np.linalg.cholesky(whole[np.ix_(independent, independent)]), dtype=float)
@@ -176,19 +162,3 @@ def _blocks(M: ca.DM, free: Flags, index: Indices) -> list[_MassBlock]:
     if worst is not None:
         raise worst
     return found
-
-
-def _require_definite(whole: Floats, n: int) -> None:
-    """Raise `NotDefiniteError` for a matrix that is singular to rounding, as part of one of size n."""
-    # Scaled to a unit diagonal the answer does not depend on units; rounding leaves the smallest eigenvalue
-    # of a singular M at eps.
-    scale = np.sqrt(np.diag(whole))
-    scaled = whole / np.outer(scale, scale)
-    least = n * doubles.EPS
-    try:
-        # Far cheaper than eigenvalues, and all that is asked of an M that is clearly definite.
-        np.linalg.cholesky(scaled - CLEARLY * least * np.eye(len(scaled)))
-    except np.linalg.LinAlgError:
-        eigenvalues, vectors = np.linalg.eigh(scaled)
-        if not eigenvalues[0] > least:
-            raise NotDefiniteError(int(np.argmax(np.abs(vectors[:, 0]))), float(eigenvalues[0])) from None

@@ -24,16 +24,11 @@ Digits = Callable[["MetricRows", Sequence[int]], int | None]
 
 
 class MetricRowsParameters:
-    """Rows of length one, and from where on their Gram matrix serves.
-
-    The tests are of `tests/unit/test_numbers_of_rows.py`.
-    """
+    """Rows of length one, and from where on their Gram matrix serves. The tests are of
+    `tests/unit/test_numbers_of_rows.py`."""
 
     __slots__ = ()
 
-    iterations: int = 12
-    """Inverse iterations for the smallest singular value; each gains at least a digit unless others lie close to it,
-    and then any of them will do. `test_the_smallest_singular_value_is_found_in_twelve_iterations`."""
     dense: int = 150
     """More rows than these, over more coordinates than these, are never looked at densely: their singular values would
     take minutes. `test_more_than_a_hundred_and_fifty_rows_are_many`."""
@@ -43,11 +38,6 @@ class MetricRowsParameters:
     filled: float = 0.1
     """A Gram matrix with this part of its entries is factored faster as a dense one.
     `test_a_gram_matrix_of_which_a_tenth_is_filled_is_dense`."""
-    most_filled: int = 4000
-    """Up to so many rows (128 MB). `test_a_gram_matrix_of_which_a_tenth_is_filled_is_dense`."""
-    few: int = 40
-    """The inverse of a Gram matrix of so few rows costs less than one sparse factorization.
-    `test_the_gram_matrix_of_forty_rows_is_inverted`."""
     hanging: float = 1e-2
     """A row hangs on a coordinate that no other row holds where the entry is this part of its length.
     `test_a_row_hangs_on_a_coordinate_of_its_own_by_a_hundredth`."""
@@ -246,7 +236,7 @@ class MetricRows:
     @property
     def _is_filled(self) -> bool:
         """True if the Gram matrix is better looked at densely."""
-        return self.count <= PARAMETERS.most_filled and self._gram.nnz() > PARAMETERS.filled * self.count**2
+        return self.count <= 4000 and self._gram.nnz() > PARAMETERS.filled * self.count**2  # 128 MB
 
     @property
     def weakest(self) -> Floats:
@@ -261,7 +251,8 @@ class MetricRows:
         solve = self._repeated_solver(doubles.SUM)
         x = decompositions.generic_direction(self.count, 0)
         value = 0.0
-        for _ in range(PARAMETERS.iterations):
+        # Each step gains at least a digit unless others lie close to it, and then any of them will do.
+        for _ in range(12):
             found = solve(x)
             length = float(np.linalg.norm(found))
             if not np.isfinite(length) or length == 0.0:
@@ -277,7 +268,8 @@ class MetricRows:
 
     def _repeated_solver(self, shift: float) -> Callable[[Floats], Floats]:
         """y -> x with (Gram matrix + shift) x = y, for one y after another."""
-        if self.count <= PARAMETERS.few or (self.is_large and self._is_filled):
+        # Of few rows an inverse costs less than one sparse factorization.
+        if self.count <= 40 or (self.is_large and self._is_filled):
             try:
                 inverse = np.linalg.inv(np.array(self._shifted(shift)))
             except np.linalg.LinAlgError:  # singular to the last digit, in spite of the shift

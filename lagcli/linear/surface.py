@@ -31,10 +31,8 @@ Values = Callable[[Floats], tuple[Floats, Floats]]
 
 
 class SurfaceParameters:
-    """The way onto a surface and along it; lengths are parts of the size of the point.
-
-    The tests are of `tests/unit/test_surface.py`.
-    """
+    """The way onto a surface and along it; lengths are parts of the size of the point. The tests are of
+    `tests/unit/test_surface.py`."""
 
     __slots__ = ()
 
@@ -47,8 +45,6 @@ class SurfaceParameters:
     squared: float = 0.02
     """What the last two steps leave of a distance, where they square it: beside a double zero they leave a quarter.
     `test_a_point_is_met_where_the_last_two_steps_square_the_distance`."""
-    most_steps: int = 200
-    """Steps of a descent from far. `test_a_descent_has_two_hundred_steps`."""
     most_halvings: int = 30
     """Halvings of one of them. `test_a_step_of_a_descent_is_damped_thirty_times`."""
     bottom: float = 1e-14
@@ -58,13 +54,9 @@ class SurfaceParameters:
     """Damping, on rows of length one: where it begins. `test_a_step_of_a_descent_is_damped_thirty_times`."""
     stronger: float = 4.0
     """The factor by which it grows if a step goes up. `test_a_step_of_a_descent_is_damped_thirty_times`."""
-    weaker: float = 2 * stronger
-    """The factor by which it wanes if a step goes down. `test_damping_wanes_by_eight_down_to_nine_digits`."""
-    slow_steps: int = 20
-    """A descent ends where so many steps have left more than `slow` of the residual: others go round a bend in fewer.
-    `test_a_descent_that_is_slow_for_twenty_steps_ends`."""
     slow: float = 0.8
-    """That part of the residual. `test_a_descent_that_is_slow_for_twenty_steps_ends`."""
+    """A descent ends where twenty steps have left more than this part of the residual: others go round a bend in
+    fewer. `test_a_descent_that_is_slow_for_twenty_steps_ends`."""
     nearest_steps: int = 60
     """Steps to the point that is nearest to another one. `test_sixty_steps_lead_to_the_nearest_point`."""
     shortest: float = 2e-4
@@ -283,11 +275,11 @@ def descend(at: Callable[[Floats], D | None], x: Floats, to_the_end: bool = Fals
     here = at(x)
     best = x, here
     least = math.inf if here is None else here.distance
-    for taken in range(PARAMETERS.most_steps):
+    for taken in range(200):
         progress.require_time()
         if here is None or least <= PARAMETERS.bottom:
             break
-        if taken % PARAMETERS.slow_steps == 0:
+        if taken % 20 == 0:
             if here.norm > PARAMETERS.slow * passed and not to_the_end:
                 break
             passed = here.norm
@@ -300,7 +292,7 @@ def descend(at: Callable[[Floats], D | None], x: Floats, to_the_end: bool = Fals
         else:
             break
         x, here = x + step, there
-        damping = damping / PARAMETERS.weaker if damping > doubles.ZERO else 0.0
+        damping = damping / (2 * PARAMETERS.stronger) if damping > doubles.ZERO else 0.0
         if here is not None and (to_the_end or here.distance <= least):
             best, least = (x, here), here.distance
     return best
