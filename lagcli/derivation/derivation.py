@@ -11,7 +11,6 @@ from lagcli.derivation.sections.derivation_page import Derivation, Line, Section
 from lagcli.derivation.sections.linear_section import LinearPoint
 from lagcli.derivation.sections.one_sided_sections import OneSided
 from lagcli.derivation.sections.page_sections import Sections
-from lagcli.derivation.sections.vakonomic_sections import Vakonomic
 from lagcli.derivation.symbolic.signs import Signs
 from lagcli.derivation.symbolic.symbolic_system import symbolic
 from lagcli.derivation.writing import formula as f
@@ -80,7 +79,7 @@ def _derived(built: System, options: Options) -> Derivation:
     if options.about is not None:
         written.append((linear_section.TITLE, list(linear_section.lines(system, signs, options.about))))
     written += solution_sections.sections(system, parts, contacts, options.solve)
-    written.append((vakonomic_sections.TITLE, list(Vakonomic(system, signs, parts).lines())))
+    written.append((vakonomic_sections.TITLE, list(vakonomic_sections.lines(system, signs))))
     lengths = list(parts.lengths())
     index = next((i for i, (title, lines) in enumerate(written) if title == "Constraints" and lines), None)
     if lengths and index is not None:

@@ -31,7 +31,6 @@ class OneSided:
     def __init__(self, system: Symbolic, signs: Signs, parts: Sections) -> None:
         self._system, self._signs, self._parts = system, signs, parts
         self._every, self._contacts = system.all_closed, system.contacts
-        self._free = {system.first_index(number): number for number in system.newton}
         self._impulses = tuple(sympy.Symbol(f"impulse.{row.name}", real=True) for row in self._every.rows)
         self._contact_impulses = self._impulses[len(system.rows) :]
         self._letters: dict[str, f.Sign] = {}
@@ -107,7 +106,7 @@ class OneSided:
         )
         # M (v+ - v-) = B^T Lambda + G^T Lambda_G
         signs, system = self._signs, self._system
-        for first, number in self._free.items():
+        for first, number in system.free.items():
             if terms := self._parts.reaction(first, self._impulses):
                 name = system.table.particles.names[number]
                 jump = _beside(-1, signs.of_particle("r", name, dots=1))

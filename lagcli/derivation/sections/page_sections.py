@@ -30,7 +30,6 @@ class Sections:
     def __init__(self, system: Symbolic, signs: Signs) -> None:
         self._system, self.signs, self._table = system, signs, system.table
         self._every = system.all_closed
-        self._free = {system.first_index(number): number for number in system.newton}
         entries = (p for p in self._table.model.particles for _ in range(p.members.count))
         self._families = [p.members.base if p.members.count > 1 else "" for p in entries]
 
@@ -97,14 +96,12 @@ class Sections:
     def gradients(self, letter: str, row: SymbolicRow) -> Iterator[tuple[f.FormulaNode, f.FormulaNode]]:
         """The slopes of a row with what they are: by particles, by other coordinates, by t."""
         signs = self.signs
-        for first in dict.fromkeys(i - i % 3 for i in row.B if i - i % 3 in self._free):
-            name = self._table.particles.names[self._free[first]]
-            yield (
-                signs.of_row(letter, row.name, f.subscript(name)),
-                signs.vector(part(row.B, first)),
-            )
+        free = self._system.free
+        for first in dict.fromkeys(i - i % 3 for i in row.B if i - i % 3 in free):
+            name = f.subscript(self._table.particles.names[free[first]])
+            yield signs.of_row(letter, row.name, name), signs.vector(part(row.B, first))
         for i, slope in row.B.items():
-            if i - i % 3 not in self._free:
+            if i - i % 3 not in free:
                 yield signs.of_row(letter, row.name, signs.label(i)), signs.node(slope)
         if row.b != 0:
             yield signs.of_row(letter, row.name, "t"), signs.node(row.b)
@@ -112,7 +109,7 @@ class Sections:
     def reactions(self) -> Iterator[Line]:
         """R_k = sum_i lambda_i B_ik (D.22), and Q'_n = sum_i lambda_i A_in (D.53)."""
         signs, system = self.signs, self._every
-        for first, number in self._free.items():
+        for first, number in self._system.free.items():
             name = self._table.particles.names[number]
             R = f.joined(self.reaction(first, system.lam))
             yield Line("D.22", (signs.of_particle("R", name), R), kind="R", family=self._families[number])
@@ -133,10 +130,8 @@ class Sections:
         """
         terms: list[tuple[int, f.FormulaNode]] = []
         for row, factor in zip(self._every.rows, factors, strict=True):
-            slopes = part(row.B, first)
-            if lengths:
-                x, y, z = (slope.xreplace(lengths) for slope in slopes)
-                slopes = x, y, z
+            x, y, z = (slope.xreplace(lengths or {}) for slope in part(row.B, first))
+            slopes = x, y, z
             if slopes != NOTHING and factor != 0:
                 terms += self.signs.scaled(factor, slopes)
         return terms
@@ -192,7 +187,7 @@ class Sections:
     def newton(self) -> Iterator[Line]:
         """m_k a_k = F_k + sum_i lambda_i B_ik (D.23)."""
         signs, table = self.signs, self._table
-        for first, number in self._free.items():
+        for first, number in self._system.free.items():
             name = table.particles.names[number]
             m = signs.node(table.mass(number))
             a = signs.of_particle("r", name, dots=2)
@@ -262,8 +257,8 @@ class Sections:
         h = tuple(tidy(value.xreplace(still)) for value in system.h)
         if any(str(symbol).startswith("product ") for value in h for symbol in value.free_symbols):
             return  # products of velocities that have letters of their own
-        for number in system.newton:
-            if terms := self._pulls(h, system.first_index(number)):
+        for first, number in system.free.items():
+            if terms := self._pulls(h, first):
                 family = system.table.particles.names[number].partition("[")[0]
                 yield Line("D.25", (f.joined(terms), NIL), kind="rest", family=family)
         for i in system.lagrange:
@@ -277,9 +272,7 @@ class Sections:
 
 def _times(coefficient: f.FormulaNode, factor: f.FormulaNode) -> tuple[int, f.FormulaNode]:
     """A term of a form: its sign, and coefficient and factor without it."""
-    sign = 1
-    if isinstance(coefficient, f.FormulaSum) and len(coefficient.terms) == 1:
-        sign, coefficient = coefficient.terms[0]
+    sign, coefficient = f.split(coefficient)
     if coefficient == f.ONE:
         return sign, factor
     if isinstance(coefficient, f.FormulaProduct):

@@ -121,8 +121,8 @@ def _accelerations(
     for row, lam in zip(system.rows, system.lam, strict=True):
         for i, slope in row.B.items():
             h[i] += slope * lam
-    for number in system.newton:
-        first, mass = system.first_index(number), system.table.mass(number)
+    for first, number in system.free.items():
+        mass = system.table.mass(number)
         x, y, z = (tidy(value / mass) for value in system.h[first : first + 3])
         # A long lambda stays a lambda.
         short = {lam for lam in system.lam if lam in put and put[lam].count_ops() <= SHORT}

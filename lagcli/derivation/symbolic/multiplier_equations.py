@@ -113,7 +113,7 @@ def equation(system: Symbolic, inverted: dict[tuple[int, int], sympy.Expr]) -> E
     """The linear system for lambda (D.24)."""
     S: dict[tuple[int, int], sympy.Expr] = {}
     right = [row.gamma for row in system.rows]
-    free = {system.first_index(number): number for number in system.newton}
+    free = system.free
     # 1/m B_ik . B_jk and 1/m B_ik . F_k of particles that obey Newton's equations
     touching: dict[int, list[tuple[int, Triple]]] = {}
     for r, row in enumerate(system.rows):

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Mapping
 
 import sympy
 
@@ -16,7 +15,7 @@ from lagcli.derivation.symbolic.symbolic_system import Symbolic
 from lagcli.derivation.symbolic.tidy import merged, shorter, tidy
 from lagcli.derivation.writing import formula as f
 from lagcli.pfaffian.forms import notation
-from lagcli.pfaffian.forms.notation import TIME
+from lagcli.pfaffian.forms.notation import TIME, ZERO
 
 # Kinds of symbols, in the order in which they stand in a product.
 LAMBDA, PARAMETER, COORDINATE, LENGTH, ACCELERATION, RATE, SUM, APPLIED, PRODUCT, VECTOR = range(10)
@@ -28,120 +27,6 @@ _SIMPLE = {(1, 2), (1, 3), (2, 3), (1, 4), (3, 4)}
 # Masses stand first in a product, then g and constants of springs and dampers, then lengths: m g L.
 _FIRST = {"m": 0, "M": 0, "I": 0, "J": 0, "G": 1, "g": 1, "k": 1, "c": 1}
 AXES = tuple(sympy.Symbol(f"axis {axis}") for axis in "xyz")
-
-
-Place = tuple[int, int, int]
-
-
-class Layout:
-    """Formulas with the signs of symbols, `shown`, and the places in products of their kinds: kind, group, number."""
-
-    def __init__(
-        self, shown: Mapping[sympy.Symbol, f.FormulaNode], kinds: Mapping[sympy.Symbol, Place]
-    ) -> None:
-        self._shown, self._kinds = shown, kinds
-
-    def node(self, value: sympy.Expr) -> f.FormulaNode:
-        """The formula of an expression."""
-        if value in self._shown:
-            return self._shown[value]
-        if value.is_Add:
-            terms = sorted(sympy.Add.make_args(value), key=self._term_key)
-            signed = [self._signed(term) for term in terms]
-            first = next((i for i, (sign, _) in enumerate(signed) if sign > 0), 0)
-            return f.FormulaSum((signed[first], *signed[:first], *signed[first + 1 :]))
-        if value.is_Rational or value.is_Mul:
-            sign, node = self._signed(value)
-            return node if sign > 0 else f.negative(node)
-        if value.is_Pow and not isinstance(value, sympy.exp):
-            base, exponent = value.as_base_exp()
-            if exponent.could_extract_minus_sign():
-                return self._product(value, sympy.Integer(1))
-            if exponent == sympy.Rational(1, 2):
-                return f.Root(self.node(base))
-            shown = self.node(base)
-            power = self.node(exponent)
-            if isinstance(shown, f.Apply) and shown.power is None and len(shown.arguments) == 1:
-                return f.Apply(shown.name, shown.arguments, power)
-            return f.FormulaPower(shown, power)
-        return self._atom(value)
-
-    def _atom(self, value: sympy.Expr) -> f.FormulaNode:
-        """The formula of a constant or of a function."""
-        if value == sympy.pi:
-            return f.Sign("π")
-        if value == sympy.E:
-            return f.Apply("exp", (f.ONE,))
-        if isinstance(value, sympy.Abs):
-            return f.Bars(self.node(value.args[0]))
-        if isinstance(value, sympy.Heaviside):  # in derivatives of `min` and `max`
-            return f.Apply("step", (self.node(value.args[0]),))
-        if type(value) in notation.ROWS:
-            row = notation.ROWS[type(value)]
-            return f.Apply(row.written or row.name, tuple(map(self.node, value.args)))
-        return f.FormulaText(str(value))
-
-    def _term_key(self, term: sympy.Expr) -> tuple[object, ...]:
-        """Accelerations first, then rates, then positions; each as they are declared."""
-        kinds_of = [self._kinds.get(symbol, (SUM, 0, 0)) for symbol in term.free_symbols]
-        kinds = {kind for kind, *_ in kinds_of}
-        leading = next((i for i, kind in enumerate(LEADING) if kind in kinds), len(LEADING))
-        leads = sorted(place[1:] for place in kinds_of if place[0] in LEADING[leading : leading + 1])
-        power = sum(
-            int(e)
-            for b, e in term.as_coeff_Mul()[1].as_powers_dict().items()
-            if self._kinds.get(b, (SUM, 0, 0))[0] == RATE and e.is_Integer
-        )
-        return leading, -power, leads, sorted(kinds_of), sympy.default_sort_key(term)
-
-    def _signed(self, term: sympy.Expr) -> tuple[int, f.FormulaNode]:
-        """The sign of a term and the term without it."""
-        coefficient, rest = term.as_coeff_Mul()
-        if not coefficient.is_Rational:
-            return 1, self._product(term, sympy.Integer(1))
-        return -1 if coefficient < 0 else 1, self._product(rest, abs(coefficient))
-
-    def _product(self, value: sympy.Expr, coefficient: sympy.Expr) -> f.FormulaNode:
-        above: list[sympy.Expr] = []
-        below: list[sympy.Expr] = []
-        for factor in sympy.Mul.make_args(value):
-            base, exponent = factor.as_base_exp()
-            if factor.is_Pow and base != sympy.E and exponent.could_extract_minus_sign():
-                below.append(sympy.Pow(base, -exponent))
-            elif factor != 1:
-                above.append(factor)
-        top = list(map(self.node, sorted(above, key=self._factor_key)))
-        bottom = list(map(self.node, sorted(below, key=self._factor_key)))
-        p, q = int(coefficient.p), int(coefficient.q)
-        if not bottom and (p, q) in _SIMPLE and value.free_symbols:
-            return f.FormulaProduct((f.Fraction(f.FormulaNumber(str(p)), f.FormulaNumber(str(q))), *top))
-        decimal = None if q == 1 or (p, q) in _SIMPLE else _decimal(p, q)
-        if decimal is not None:
-            top.insert(0, f.FormulaNumber(decimal))
-        else:
-            if p != 1 or not top:
-                is_round = len(str(p)) > DECIMALS and p % 1000 == 0  # as 6e24
-                top.insert(0, f.FormulaNumber(_scientific(p, 0) if is_round else str(p)))
-            if q != 1:
-                bottom.insert(0, f.FormulaNumber(str(q)))
-        upper = top[0] if len(top) == 1 else f.FormulaProduct(tuple(top))
-        if not bottom:
-            return upper
-        return f.Fraction(upper, bottom[0] if len(bottom) == 1 else f.FormulaProduct(tuple(bottom)))
-
-    def _factor_key(self, factor: sympy.Expr) -> tuple[object, ...]:
-        base, _ = factor.as_base_exp()
-        if factor in self._kinds or base in self._kinds:
-            return *self._kinds.get(factor, self._kinds.get(base, (SUM, 0, 0))), ""
-        if base.is_number:
-            return -1, 0, str(base)
-        inner = sorted(self._kinds.get(s, (SUM, 0, 0)) for s in base.free_symbols)
-        if base.is_Add:
-            # A sum of parameters stands with the parameters, one of vectors with the vectors.
-            kinds = {kind for kind, *_ in inner}
-            kind = VECTOR if VECTOR in kinds else PARAMETER if kinds == {PARAMETER} else SUM
-            return kind, *(inner[0][1:] if inner else (0, 0)), str(base)
-        return APPLIED, 0, inner, isinstance(base, sympy.cos), str(base)
 
 
 def _scientific(digits: int, exponent: int) -> str:
@@ -174,9 +59,9 @@ class Signs:
         self._system, table = system, system.table
         self._taken: set[tuple[str, bool]] = set()
         self._shown: dict[sympy.Symbol, f.FormulaNode] = {}
-        self._kinds: dict[sympy.Symbol, Place] = {}
+        # Places in products: kind, group, number
+        self._kinds: dict[sympy.Symbol, tuple[int, int, int]] = {}
         self._vectors: dict[str, sympy.Symbol] = {}
-        self._layout = Layout(self._shown, self._kinds)
         self._count = 0
         self._show(TIME, f.Sign("t"), "t", PARAMETER, 9)
         masses = set().union(*(table.mass(number).free_symbols for number in range(len(table.particles))))
@@ -233,7 +118,7 @@ class Signs:
     def node(self, value: sympy.Expr) -> f.FormulaNode:
         """The formula of an expression."""
         self._abbreviations()
-        return self._layout.node(value)
+        return self._node(value)
 
     def vector(self, triple: Triple) -> f.FormulaNode:
         """Three components as the vector they are, or as a triple."""
@@ -242,10 +127,7 @@ class Signs:
         several = sum(1 for part in triple if part != 0) > 1
         if vector is None or (not vector.parts and several):
             return f.Triple(tuple(self.node(tidy(part)) for part in triple))
-        total = sympy.Integer(0)
-        for factor, key in pieces(vector):
-            total += self._times(merged(tidy(factor)), key)
-        return self._layout.node(total)
+        return self._node(sum((self._times(merged(tidy(c)), key) for c, key in pieces(vector)), ZERO))
 
     def scaled(self, factor: sympy.Expr, triple: Triple) -> list[tuple[int, f.FormulaNode]]:
         """The terms of factor * vector; the factor may hold components of vectors, and stays a factor."""
@@ -253,16 +135,11 @@ class Signs:
         if vector is None or (not vector.parts and sum(1 for part in triple if part != 0) > 1):
             if factor == 1:
                 return [(1, self.vector(triple))]
-            sign, node = 1, self.node(factor)
-            if isinstance(node, f.FormulaSum) and len(node.terms) == 1:
-                sign, node = node.terms[0]
+            sign, node = f.split(self.node(factor))
             return [(sign, f.FormulaProduct((node, self.vector(triple))))]
-        terms: list[tuple[int, f.FormulaNode]] = []
-        for own, key in pieces(vector):
-            terms += f.terms_of(
-                self._layout.node(self._times(shorter(tidy(factor * own), factor * own), key))
-            )
-        return terms
+        scaled = ((factor * own, key) for own, key in pieces(vector))
+        parts = (self._node(self._times(shorter(tidy(own), own), key)) for own, key in scaled)
+        return [term for part in parts for term in f.terms_of(part)]
 
     def _times(self, factor: sympy.Expr, key: Key) -> sympy.Expr:
         """factor * combination; a minus sign turns a difference of vectors round."""
@@ -273,7 +150,7 @@ class Signs:
 
     def _combination(self, key: Key) -> sympy.Expr:
         """A combination in symbols of vectors, each of which gets its sign here."""
-        total = sympy.Integer(0)
+        total = ZERO
         for name, coefficient in key[0]:
             if name not in self._vectors:
                 self._vectors[name] = symbol = sympy.Symbol(f"vector {name}")
@@ -285,7 +162,7 @@ class Signs:
                     self._shown[symbol] = self.of_particle("r", name[2:], dots)
                 self._kinds[symbol] = VECTOR, 0, len(self._vectors)
             total += coefficient * self._vectors[name]
-        return total + sum((c * axis for c, axis in zip(key[1], AXES, strict=True)), sympy.Integer(0))
+        return total + sum((c * axis for c, axis in zip(key[1], AXES, strict=True)), ZERO)
 
     @staticmethod
     def of_particle(letter: str, particle: str, dots: int = 0) -> f.Sign:
@@ -310,7 +187,7 @@ class Signs:
     def definitions(self) -> list[tuple[f.FormulaNode, f.FormulaNode]]:
         """The abbreviations for lengths with what they stand for."""
         self._abbreviations()
-        node = self._layout.node
+        node = self._node
         definitions: list[tuple[f.FormulaNode, f.FormulaNode]] = []
         for symbol, abbreviation in self._system.table.calculus.known.items():
             if abbreviation.is_root and abbreviation.left is not None:
@@ -358,8 +235,106 @@ class Signs:
             assert left is not None
             assert right is not None
             self._kinds[symbol] = PRODUCT, 0, number
-            one, other = (self._layout.node(self._combination(key)) for key in (left, right))
+            one, other = (self._node(self._combination(key)) for key in (left, right))
             if left == right:
                 self._shown[symbol] = f.FormulaPower(f.Bars(one), f.FormulaNumber("2"))
             else:
                 self._shown[symbol] = f.Dot(one, other)
+
+    def _node(self, value: sympy.Expr) -> f.FormulaNode:
+        """The formula of an expression whose abbreviations have signs."""
+        if value in self._shown:
+            return self._shown[value]
+        if value.is_Add:
+            terms = sorted(sympy.Add.make_args(value), key=self._term_key)
+            signed = [self._signed(term) for term in terms]
+            first = next((i for i, (sign, _) in enumerate(signed) if sign > 0), 0)
+            return f.FormulaSum((signed[first], *signed[:first], *signed[first + 1 :]))
+        if value.is_Rational or value.is_Mul:
+            sign, node = self._signed(value)
+            return node if sign > 0 else f.negative(node)
+        if value.is_Pow and not isinstance(value, sympy.exp):
+            base, exponent = value.as_base_exp()
+            if exponent.could_extract_minus_sign():
+                return self._product(value, sympy.Integer(1))
+            if exponent == sympy.Rational(1, 2):
+                return f.Root(self._node(base))
+            shown = self._node(base)
+            power = self._node(exponent)
+            if isinstance(shown, f.Apply) and shown.power is None and len(shown.arguments) == 1:
+                return f.Apply(shown.name, shown.arguments, power)
+            return f.FormulaPower(shown, power)
+        if value == sympy.pi:
+            return f.Sign("π")
+        if value == sympy.E:
+            return f.Apply("exp", (f.ONE,))
+        if isinstance(value, sympy.Abs):
+            return f.Bars(self._node(value.args[0]))
+        if isinstance(value, sympy.Heaviside):  # in derivatives of `min` and `max`
+            return f.Apply("step", (self._node(value.args[0]),))
+        if type(value) in notation.ROWS:
+            row = notation.ROWS[type(value)]
+            return f.Apply(row.written or row.name, tuple(map(self._node, value.args)))
+        return f.FormulaText(str(value))
+
+    def _term_key(self, term: sympy.Expr) -> tuple[object, ...]:
+        """Accelerations first, then rates, then positions; each as they are declared."""
+        kinds_of = [self._kinds.get(symbol, (SUM, 0, 0)) for symbol in term.free_symbols]
+        kinds = {kind for kind, *_ in kinds_of}
+        leading = next((i for i, kind in enumerate(LEADING) if kind in kinds), len(LEADING))
+        leads = sorted(place[1:] for place in kinds_of if place[0] in LEADING[leading : leading + 1])
+        power = sum(
+            int(e)
+            for b, e in term.as_coeff_Mul()[1].as_powers_dict().items()
+            if self._kinds.get(b, (SUM, 0, 0))[0] == RATE and e.is_Integer
+        )
+        return leading, -power, leads, sorted(kinds_of), sympy.default_sort_key(term)
+
+    def _signed(self, term: sympy.Expr) -> tuple[int, f.FormulaNode]:
+        """The sign of a term and the term without it."""
+        coefficient, rest = term.as_coeff_Mul()
+        if not coefficient.is_Rational:
+            return 1, self._product(term, sympy.Integer(1))
+        return -1 if coefficient < 0 else 1, self._product(rest, abs(coefficient))
+
+    def _product(self, value: sympy.Expr, coefficient: sympy.Expr) -> f.FormulaNode:
+        above: list[sympy.Expr] = []
+        below: list[sympy.Expr] = []
+        for factor in sympy.Mul.make_args(value):
+            base, exponent = factor.as_base_exp()
+            if factor.is_Pow and base != sympy.E and exponent.could_extract_minus_sign():
+                below.append(sympy.Pow(base, -exponent))
+            elif factor != 1:
+                above.append(factor)
+        top = list(map(self._node, sorted(above, key=self._factor_key)))
+        bottom = list(map(self._node, sorted(below, key=self._factor_key)))
+        p, q = int(coefficient.p), int(coefficient.q)
+        if not bottom and (p, q) in _SIMPLE and value.free_symbols:
+            return f.FormulaProduct((f.Fraction(f.FormulaNumber(str(p)), f.FormulaNumber(str(q))), *top))
+        decimal = None if q == 1 or (p, q) in _SIMPLE else _decimal(p, q)
+        if decimal is not None:
+            top.insert(0, f.FormulaNumber(decimal))
+        else:
+            if p != 1 or not top:
+                is_round = len(str(p)) > DECIMALS and p % 1000 == 0  # as 6e24
+                top.insert(0, f.FormulaNumber(_scientific(p, 0) if is_round else str(p)))
+            if q != 1:
+                bottom.insert(0, f.FormulaNumber(str(q)))
+        upper = top[0] if len(top) == 1 else f.FormulaProduct(tuple(top))
+        if not bottom:
+            return upper
+        return f.Fraction(upper, bottom[0] if len(bottom) == 1 else f.FormulaProduct(tuple(bottom)))
+
+    def _factor_key(self, factor: sympy.Expr) -> tuple[object, ...]:
+        base, _ = factor.as_base_exp()
+        if factor in self._kinds or base in self._kinds:
+            return *self._kinds.get(factor, self._kinds.get(base, (SUM, 0, 0))), ""
+        if base.is_number:
+            return -1, 0, str(base)
+        inner = sorted(self._kinds.get(s, (SUM, 0, 0)) for s in base.free_symbols)
+        if base.is_Add:
+            # A sum of parameters stands with the parameters, one of vectors with the vectors.
+            kinds = {kind for kind, *_ in inner}
+            kind = VECTOR if VECTOR in kinds else PARAMETER if kinds == {PARAMETER} else SUM
+            return kind, *(inner[0][1:] if inner else (0, 0)), str(base)
+        return APPLIED, 0, inner, isinstance(base, sympy.cos), str(base)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 import sympy
@@ -95,35 +96,30 @@ class SymbolTable:
 
     def evaluated(self, expression: nouns.Expression, view: View | None = None) -> sympy.Expr:
         """A scalar. Raises `diagnostics.ModelError` for what is too large."""
-        value = self._value(expression, view or View())
-        assert not isinstance(value, tuple)
-        return value
+        return self._value(expression, view or View())
 
-    def _value(self, expression: nouns.Expression, view: View) -> Value[sympy.Expr]:
-        """A scalar or a triple."""
-        with _located(expression):
+    def _value(
+        self, expression: nouns.Expression, view: View, take: Callable[..., Any] = evaluate.value
+    ) -> Any:
+        """A scalar or a triple, or what else `take` makes of the expression in our algebra."""
+        try:
             notation.require_short(expression.tree)
-            return notation.require_small(
-                evaluate.value(expression.tree, _MemberAlgebra(self, view)), MAX_OPERATIONS
-            )
+            return notation.require_small(take(expression.tree, _MemberAlgebra(self, view)), MAX_OPERATIONS)
+        except notation.TooLarge as failure:
+            message = f"the equations cannot be written out: {failure}"
+            hint = "`check` and `simulate` have no such limit"
+            fault = diagnostics.Diagnostic("too-large-to-derive", message, expression.location, hint)
+            raise diagnostics.ModelError([fault]) from None
 
     def triple(self, vector: nouns.VectorExpression, view: View) -> Triple:
         """A vector expression, or three scalar ones."""
-        if len(vector.parts) == 1:
-            whole = self._value(vector.parts[0], view)
-            assert isinstance(whole, tuple)
-            x, y, z = whole
-        else:
-            x, y, z = (self.evaluated(part, view) for part in vector.parts)
+        parts = [self._value(part, view) for part in vector.parts]
+        x, y, z = parts[0] if len(parts) == 1 else parts
         return x, y, z
 
     def difference(self, equation: nouns.Expression, view: View) -> tuple[sympy.Expr, ...]:
         """left - right of a law, one scalar or three."""
-        assert isinstance(equation.tree, tree.Relation)
-        with _located(equation):
-            notation.require_short(equation.tree)
-            parts = evaluate.difference(equation.tree, _MemberAlgebra(self, view))
-            return tuple(notation.require_small(part, MAX_OPERATIONS) for part in parts)
+        return tuple(self._value(equation, view, evaluate.difference))
 
     def definition(self, name: str) -> Value[sympy.Expr]:
         """The value of a definition."""
@@ -270,14 +266,3 @@ class _MemberAlgebra(notation.SympyAlgebra):
 
     def differential(self, value: sympy.Expr) -> sympy.Expr:
         return self._table.calculus.rate(value)
-
-
-@contextlib.contextmanager
-def _located(expression: nouns.Expression) -> Iterator[None]:
-    try:
-        yield
-    except notation.TooLarge as failure:
-        message = f"the equations cannot be written out: {failure}"
-        hint = "`check` and `simulate` have no such limit"
-        fault = diagnostics.Diagnostic("too-large-to-derive", message, expression.location, hint)
-        raise diagnostics.ModelError([fault]) from None

@@ -81,9 +81,11 @@ class Symbolic:
         """The system with all contacts as rows."""
         return self.closed(range(len(self.contacts.rows)))
 
-    def first_index(self, number: int) -> int:
-        """The number of the coordinate x of a Cartesian particle."""
-        return self.names.index(f"{self.table.particles.names[number]}.x")
+    @property
+    def free(self) -> dict[int, int]:
+        """The particles that obey Newton's equations, by the numbers of their coordinates x."""
+        names = self.table.particles.names
+        return {self.names.index(f"{names[number]}.x"): number for number in self.newton}
 
     def matrix(self, i: int, j: int) -> sympy.Expr:
         """M_ij."""

@@ -128,6 +128,11 @@ def terms_of(node: FormulaNode) -> list[tuple[int, FormulaNode]]:
     return list(node.terms) if isinstance(node, FormulaSum) else [(1, node)]
 
 
+def split(node: FormulaNode) -> tuple[int, FormulaNode]:
+    """The sign of a formula and the rest of it."""
+    return node.terms[0] if isinstance(node, FormulaSum) and len(node.terms) == 1 else (1, node)
+
+
 def joined(terms: list[tuple[int, FormulaNode]]) -> FormulaNode:
     """A sum of terms; 0 where there are none."""
     if not terms:
