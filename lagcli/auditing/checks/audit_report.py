@@ -1,5 +1,4 @@
-"""The findings of an audit: the checks, each with its worst entry and the limit it was compared with, and how they are
-said."""
+"""The findings of an audit: checks, each with its worst entry and the limit of that, and how they are said."""
 
 from __future__ import annotations
 
@@ -49,9 +48,7 @@ class TableLocation:
 @dataclasses.dataclass(frozen=True, slots=True)
 class Check:
     """One check. `worst` is the entry nearest to its limit or farthest beyond it; `failing` the worst entry of each
-    name that is beyond, `failures` how many names are; `judged` of `entries` could be decided at this spacing.
-
-    `pass` is said where nearly all entries were judged, `partly judged` where fewer were and none of them fails."""
+    name that is beyond, `failures` how many names are; `judged` of `entries` could be, for `pass` nearly all."""
 
     name: str
     law: str
@@ -72,25 +69,20 @@ class Check:
 
     def as_json(self) -> dict[str, object]:
         """The check as it stands in the JSON; numbers that are not finite are null."""
-        heads, counts = (
-            ("name", "law", "equation", "verdict"),
-            ("failures", "judged", "entries", "fraction", "note"),
-        )
-        return {
-            **{name: getattr(self, name) for name in heads},
+        own = {
             "worst": None if self.worst is None else self.worst.as_json(),
             "failing": [location.as_json() for location in self.failing],
-            **{name: getattr(self, name) for name in counts},
         }
+        names = "name law equation verdict worst failing failures judged entries fraction note".split()
+        return {name: own[name] if name in own else getattr(self, name) for name in names}
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Audit:
-    """The second opinion on a run; `passed` where no check fails. `figures`: numbers beside the checks;
-    `unread`: columns of the table that no check looked at; `complete`: whether a run that was made for it reached its
-    end; `of_rest`: the rows are points of rest, not of a motion; `digits`: what is known of the error of the rows,
-    where that was asked for; `written`, `written_events`: the digits of the numbers of a rounded table, and of that of
-    its incidents."""
+    """The second opinion on a run; `passed` where no check fails. `figures`: numbers beside the checks; `unread`:
+    columns that no check looked at; `complete`: whether a run that was made for it reached its end; `of_rest`: the rows
+    are points of rest; `digits`: what is known of the error of the rows, where that was asked for; `written`,
+    `written_events`: the digits of a rounded table, and of that of its incidents."""
 
     title: str
     path: str
@@ -163,10 +155,7 @@ class Audit:
 
     def check(self, name: str) -> Check:
         """The check of a name. Raises `KeyError`."""
-        for check in self.checks:
-            if check.name == name:
-                return check
-        raise KeyError(name)
+        return {check.name: check for check in reversed(self.checks)}[name]
 
     def as_json(self) -> dict[str, Any]:
         """The object of `lagcli audit --json`."""
@@ -293,7 +282,7 @@ def _finite(number: float) -> float | None:
 
 class AuditLines(NamedTuple):
     """The lines of an audit. rows: the table of checks, its headers first; failures: of each check that fails the head,
-    entries that are beyond their limits, and the number of others; sentences: those below, the verdict last."""
+    the worst entries, and the number of others; sentences: those below, the verdict last."""
 
     rows: list[tuple[str, ...]]
     failures: list[tuple[str, list[str], int]]

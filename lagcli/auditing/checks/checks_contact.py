@@ -51,20 +51,12 @@ class ContactStates:
 
 
 def contact_states(e: Evidence) -> ContactStates:
-    """The states of contacts at the rows of a record; e: of laws with all inequalities closed."""
-    count = len(e.laws.contacts)
-    last = slice(e.laws.s - count, e.laws.s)
-    atol = e.tolerance.atol
-    lam = e.record.lam[:, last]
-    largest = float(np.nan_to_num(np.abs(e.record.lam)).max(initial=0.0))
-    return ContactStates(
-        e.values.f[:, last],
-        e.noise("f")[:, last] + atol,
-        e.values.w[:, last],
-        e.noise("w")[:, last] + atol,
-        lam,
-        float(e.recorded(np.array(largest))) + atol,
-    )
+    """The states of contacts at the rows of a record; e, here and below: of laws with all inequalities closed."""
+    last, atol = e.laws.of_contacts, e.tolerance.atol
+    g, rate, lam = (part[:, last] for part in (e.values.f, e.values.w, e.record.lam))
+    g_limit, rate_limit = (e.noise(name)[:, last] + atol for name in ("f", "w"))
+    largest = np.nan_to_num(np.abs(e.record.lam)).max(initial=0.0)
+    return ContactStates(g, g_limit, rate, rate_limit, lam, float(e.recorded(largest)) + atol)
 
 
 def may_hold_impact(t: Array, states: ContactStates) -> Array:
@@ -88,7 +80,7 @@ def may_hold_impact(t: Array, states: ContactStates) -> Array:
 
 
 def contacts(e: Evidence) -> list[Check]:
-    """The conditions of every row; e: of laws with all inequalities closed."""
+    """The conditions of every row."""
     names, t, s = e.laws.contacts, e.record.t, e.once(contact_states)
     checks = [
         judge(GAPS, names, t, np.minimum(s.g, 0.0), s.g_limit),
@@ -102,7 +94,7 @@ def contacts(e: Evidence) -> list[Check]:
 
 def _pressed(e: Evidence, s: ContactStates) -> Check:
     """d2g/dt2 of contacts that touch without a push, of models in Cartesian coordinates alone."""
-    laws, own = e.laws, len(e.laws.contacts)
+    laws = e.laws
     touches = s.rests & (s.lam == 0)
     if e.run is not None and e.run.incidents is not None:
         # A row at an incident is that after it, where walls and forces may have jumped.
@@ -115,7 +107,7 @@ def _pressed(e: Evidence, s: ContactStates) -> Check:
         noise = e.force_noise[0][at] + e.recorded(r.R_q)
 
         def second(q: Array, v: Array, force: Array, later: float = 0.0) -> Array:
-            return laws.demanded(r.t + later, q, v, force / e.masses)[:, laws.s - own : laws.s]
+            return laws.demanded(r.t + later, q, v, force / e.masses)[:, laws.of_contacts]
 
         # A wall that bends at the time itself lets go of what rests on it.
         rates = np.maximum.reduce([second(r.q, r.v, total, side * e.clock) for side in (-1, 0, 1)])

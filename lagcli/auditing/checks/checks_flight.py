@@ -35,9 +35,8 @@ LEAST, STATES = 24, 4  # flights that are looked at in any case; states of a fli
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Flights:
-    """P flights: states at their beginning and end, contacts that rest meanwhile (P, K), whether these are the same at
-    both ends, and whether it has rebounds that are no longer recorded, (P,), with the most that these change rates,
-    (P, n)."""
+    """P flights: states at both ends, contacts that rest meanwhile (P, K) and whether it is known which, (P,); rebounds
+    that are no longer recorded, (P,), with the most that these change rates, (P, n)."""
 
     begin: Record
     end: Record
@@ -138,8 +137,7 @@ def flights(e: Evidence) -> list[Check]:
 def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:
     """Coordinates at an incident and at the row next to it against the integral of the rates of rows.
 
-    The states of incidents take no part in the integral: one that is wrong would hide itself in the bound of it. By how
-    much its rate is off the rows may have come about all along the way, as where a force switches on it.
+    The states of incidents take no part in the integral: one that is wrong would hide itself in its bound.
     """
     incidents, r, names = impact.incidents, e.record, e.names.q
     first, last = incidents.first, incidents.last
@@ -197,11 +195,8 @@ def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:
 def _flown(
     e: Evidence, impact: ImpactEvidence, motion: _FreeMotion, flown: Flights
 ) -> tuple[Array, Array, Array]:
-    """Residuals, their limits, and which are judged, of flights, (P, 2 n) each.
-
-    Integrals by Boole's formula on the quintic curve through positions, velocities and accelerations at both ends
-    (Hermite); what is not known of them by Simpson's formula and that of the trapezium.
-    """
+    """Residuals, their limits, and which are judged, of flights, (P, 2 n) each: integrals by Boole's formula on the
+    quintic curve of Hermite through both ends, their errors by Simpson's formula and that of the trapezium."""
     begin, end = flown.begin, flown.end
     h = (end.t - begin.t)[:, None]
     off_q, off_v, clock = impact.off_q, impact.off_v, impact.clock
@@ -244,8 +239,7 @@ def _flown(
 
 
 class _FreeMotion:
-    """Accelerations of Cartesian particles while some contacts rest, by their numbers, and all others are open: from
-    positions and velocities alone."""
+    """Accelerations of Cartesian particles from positions and velocities while these contacts rest."""
 
     def __init__(self, e: Evidence, closed: Sequence[int]) -> None:
         self._e = e

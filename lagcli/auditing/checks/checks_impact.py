@@ -56,19 +56,15 @@ MERGED = (
 
 
 class ImpactEvidence:
-    """The states before and after every incident beside what the model says there."""
+    """The states before and after every incident beside what the model says there; e: of the whole record."""
 
     def __init__(self, e: Evidence, incidents: Incidents) -> None:
-        """e: of the whole record, and of laws with all inequalities closed."""
         self.laws, self.incidents = e.laws, incidents
         self.tolerance = e.run.of_incidents if e.run else e.tolerance
         self.before = Evidence(e.laws, incidents.before, self.tolerance, e.record)
         self.after = Evidence(e.laws, incidents.after, self.tolerance, e.record)
-        count = len(e.laws.contacts)
-        self.contacts = slice(e.laws.s - count, e.laws.s)
-        is_row = np.ones(e.laws.C, dtype=bool)
-        is_row[self.contacts] = False
-        self.rows = np.flatnonzero(is_row)
+        self.contacts = e.laws.of_contacts
+        self.rows = np.delete(np.arange(e.laws.C), self.contacts)
         # By how much coordinates and rates (n,) and times of rows and of incidents may be off, which are two tables
         self.off_q = np.maximum(e.off_q, self.before.off_q)
         self.off_v = np.maximum(e.off_v, self.before.off_v)
@@ -76,6 +72,7 @@ class ImpactEvidence:
         largest = np.abs(incidents.impulses).max(initial=0.0)
         self.impulse_limit = float(self.before.recorded(largest)) + self.tolerance.atol
         self.gaps = self.before.values.f[:, self.contacts]
+        self.gap_limit = self.before.noise("f")[:, self.contacts] + self.tolerance.atol  # (E, K)
 
     def jumps(self) -> Check:
         """The jump of the momenta of all coordinates.
@@ -122,11 +119,6 @@ class ImpactEvidence:
         names = [*(laws.rows[i] for i in own), *(f"rate of {laws.rows[i]}" for i in self.rows), *of_particles]
         return judge(ROWS_AFTER, names, t, residual, limit + self.tolerance.atol)
 
-    @cached_property
-    def gap_limit(self) -> Array:
-        """The limit of g (E, K) at incidents."""
-        return np.asarray(self.before.noise("f")[:, self.contacts] + self.tolerance.atol)
-
     def touched(self) -> Check:
         """Contacts that an incident names, or that push, are closed; none is passed through."""
         g, incidents = self.gaps, self.incidents
@@ -145,8 +137,7 @@ class ImpactEvidence:
     def recorded(self) -> Check:
         """Each incident is there once, and as what it is: an impulse is of an impact, or ends a series of rebounds.
 
-        Rows of one impact share the jump: one that stands there twice would change the momenta twice. Several impacts
-        may follow each other at one instant, each with its own.
+        Rows of one impact share the jump; several impacts at one instant each have their own.
         """
         incidents, names = self.incidents, self.laws.contacts
         is_wrong = np.zeros((len(incidents.t), len(names)))
@@ -168,8 +159,8 @@ class ImpactEvidence:
 
     @cached_property
     def unrecorded_rebounds(self) -> tuple[tuple[int, float, float], ...]:
-        """The contacts whose rebounds end in an accumulation, each with the time of its last impact or
-        release before, from which they are no longer recorded, and that of the accumulation."""
+        """The contacts whose rebounds end in an accumulation: the times from which they are no longer recorded, of its
+        last impact or release, and of the accumulation."""
         incidents, rebounds = self.incidents, []
         for k in np.flatnonzero(incidents.kinds == "accumulation").tolist():
             j = int(incidents.contact[k])
@@ -179,8 +170,7 @@ class ImpactEvidence:
         return tuple(rebounds)
 
     def left_by_rebounds(self, j: int, since: float) -> Array:
-        """The most by which rebounds of a contact after the one at a time change the rates (n,): each gives less by e
-        than the one before."""
+        """The most by which rebounds of a contact after a time change the rates (n,): each gives e of the last one."""
         e, rows = float(self.laws.model.restitution[j]), np.flatnonzero(self.incidents.t == since)
         if not rows.size or e >= 1:
             return np.zeros(self.laws.index.n)

@@ -192,8 +192,8 @@ class Symmetry(NamedTuple):
 
 
 def symmetries(e: Evidence) -> list[Symmetry]:
-    """Displacements that leave L as it is at rows of the record and beside them: along cyclic coordinates, and
-    translations and rotations of all Cartesian particles."""
+    """Symmetries of L at rows of the record and beside them: cyclic coordinates, and translations and rotations of all
+    Cartesian particles."""
     r, index = e.record, e.laws.index
     own = index.first_generalized
     rows = np.unique(np.linspace(0, len(r.t) - 1, min(SAMPLES, len(r.t))).astype(np.int64))
@@ -232,8 +232,7 @@ def symmetries(e: Evidence) -> list[Symmetry]:
 
 
 def momenta(e: Evidence) -> list[Check]:
-    """J against the impulse of constraints and other forces, of every symmetry that is found; what it does is reported
-    of the whole of a run."""
+    """J against the impulse of constraints and other forces, of every symmetry; said of the whole of a run."""
     r, values, rows = e.record, e.values, len(e.record.t)
     p = e.masses * r.v + values.L_v + e.pushed(e.masses_x * r.u + values.L_u)
     p_off = SAFETY * e.masses * e.off_v + e.noise("L_v")

@@ -164,8 +164,8 @@ def dalembert(e: Evidence) -> list[Check]:
 
 
 class Energies(NamedTuple):
-    """E (T,) = T + V + (q' dL/dq' - L), and of the moved states; work (T, 3) of all that changes E, of the constraints,
-    and the sum of the sizes of its parts; the limit (T,) of E - E(0) - work, and where it can be judged."""
+    """E (T,) = T + V + (q' dL/dq' - L), and at moved states; work (T, 3): of all that changes E, of the constraints,
+    and the sizes of its parts; the limit (T,) of E - E(0) - work, and where it can be judged."""
 
     E: Array
     E_moved: Array
@@ -192,10 +192,8 @@ def energies(e: Evidence) -> Energies:
     power = np.stack([constraint + other, constraint, size], axis=1)
     small = SAFETY * e.tolerance.rtol * size.max(initial=0.0) + e.tolerance.atol
     work = e.grid.integral(power, np.array([small, small, np.inf]))
-    # Each step of a run may be off by the tolerance, and no more is known of their number than the rows.
     noise = e.spread(E[:, None], E_moved[:, None])[:, 0]
-    # Where stencils do not come closer together, as at a kink or a jump of a force, a run may be off by more than its
-    # estimate of a smooth step.
+    # A run may be off by the tolerance at each step, and by more at a kink or a jump of a force.
     force, is_slow = e.total_force, e.once(RowSpacing).is_slow
     small_force = SAFETY * e.tolerance.rtol * np.abs(force).max(axis=0, initial=0.0)
     is_rough = ~e.grid.resolved(force, small_force).all(axis=1) & is_slow

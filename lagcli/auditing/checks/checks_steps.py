@@ -1,9 +1,8 @@
 """Each step of a table by itself: what changes from one row to the next against the rates at the rows.
 
-A wrong row spoils the differences of its neighbours and with them the bounds that are made of these differences. So
-the bounds here are made of the rates alone: of the forces and reactions of the rows, not of the velocities that are
-judged, and of the recorded rates where a coordinate is judged. A fault of the size e in a velocity then makes the
-bound of a step h of a motion of frequency w larger by h w e, which is less than e wherever rows show the motion.
+A wrong row spoils the differences of its neighbours, and bounds made of them. So bounds are made of the rates alone:
+of forces and reactions where velocities are judged. A fault e in a velocity then makes the bound of a step h of a
+motion of frequency w larger by h w e, which is less than e wherever rows show the motion.
 """
 
 from __future__ import annotations
@@ -28,8 +27,7 @@ ORDERS = {order: CAUTION / 2**order for order in (2, 4, 6)}
 """Rows of the interpolant of the rates with the part of their differences of that order that bounds its error.
 
 A rate that jumps by J within a step is off by J/2 on average, and its differences of order 2, 4, 6 around are J, 3 J,
-10 J: the bound is twice what one jump needs. Of a kink the differences are larger yet beside the error, and of a smooth
-rate the error is a hundredth of the difference.
+10 J: the bound is twice what one jump needs, and more than a kink or a smooth rate do.
 """
 NODES = 4  # of a quadrature that is exact for the polynomials of six rows and their moments
 LEAST = 3  # differences of an order, of which one may vanish by chance
@@ -43,8 +41,7 @@ PARTS = np.arange(POINTS + 2) / (POINTS + 1)  # of a step, both ends among them
 class Quantity:
     """Columns y (T, k) with their rates, by how much both may be off, (T, k), and which cannot be shown, (k,).
 
-    size: the largest rate; root: of the mass, 1 where there is none. second: the rates of the rates, which make the
-    bounds then.
+    size: the largest rate; root: of the mass, or 1. second: the rates of the rates, which make the bounds then.
     """
 
     names: tuple[str, ...]
@@ -113,18 +110,10 @@ def quantities(e: Evidence) -> list[Quantity]:
         roots = np.sqrt(np.where(m > 0, m, 1.0))
         is_plain = (m > 0).all() and np.array_equal(momentum, m * v)
         a = (force / m, off_force / m) if is_plain else (None, None)
+        fastest, largest = (of_particles(np.abs(each).max(axis=0)) for each in (v, force))
         listed += [
-            Quantity(name, y, v, off_y, off_rate, is_coarse, of_particles(np.abs(v).max(axis=0)), roots, *a),
-            Quantity(
-                name_p,
-                momentum,
-                force,
-                off_momentum,
-                off_force,
-                is_coarse,
-                of_particles(np.abs(force).max(axis=0)),
-                roots,
-            ),
+            Quantity(name, y, v, off_y, off_rate, is_coarse, fastest, roots, *a),
+            Quantity(name_p, momentum, force, off_momentum, off_force, is_coarse, largest, roots),
         ]
     if index.n > own:
         k = slice(own, None)
@@ -222,11 +211,8 @@ def judged_steps(grid: TableSteps, quantity: Quantity, fast: Array) -> tuple[Arr
 
 
 def _hidden_push(e: Evidence, steps: Array, shown: Array) -> Array:
-    """The excess of the forces between the rows of steps over those at their ends, (T - 1,).
-
-    steps (K,): those in question, the worst first; others are 0, and so is what is no larger than `shown` (T - 1,), but
-    for impulses, which no row shows.
-    """
+    """The excess of the forces between the rows of steps over those at their ends, (T - 1,): of steps (K,), the worst
+    first, where it is larger than `shown` (T - 1,), and of impulses, which no row shows."""
     excess = np.zeros(len(e.record.t) - 1)
     for first in range(0, len(steps), AT_ONCE):
         some = steps[first : first + AT_ONCE]
@@ -238,10 +224,8 @@ def _hidden_push(e: Evidence, steps: Array, shown: Array) -> Array:
 
 
 def _pushes(e: Evidence, steps: Array) -> tuple[Array, Array]:
-    """What pushes within steps (K,) beyond what rows show: by forces or by t alone, and by rows that jump, (K,) each.
-
-    A push is divided by the root of the mass: in that metric reactions to a force are not larger than the force.
-    """
+    """What pushes within steps (K,) beyond what rows show: by forces or by t alone, and by rows that jump, (K,) each;
+    divided by the root of the mass, so that reactions to a force are not larger than the force."""
     r, laws = e.record, e.laws
     root, root_x = (np.sqrt(np.where(masses > 0, masses, 1.0)) for masses in (e.masses, e.masses_x))
 

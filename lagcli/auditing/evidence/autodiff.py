@@ -1,10 +1,9 @@
 """Derivatives of the model's expressions over numpy arrays: a graph of operations, read forwards or backwards.
 
-A value is an array (T, K): T rows of the table, K members of a family, 1 where all share it. What depends on
-parameters alone is a plain array and leaves no trace on the graph. Leaves are of a kind: `q` coordinates, `v` their
-rates, `t` time, `x` and `u` positions and velocities of dependent particles where these are taken as free.
-Numbers may be complex with a tiny imaginary part, which carries one more derivative (the complex step): what is not
-analytic goes by the real part.
+A value is an array (T, K): T rows of the table, K members of a family or 1; what depends on parameters alone leaves no
+trace on the graph. Leaves are of a kind: `q` coordinates, `v` their rates, `t` time, `x` and `u` positions and
+velocities of dependent particles where these are taken as free. A tiny imaginary part of numbers carries one more
+derivative (the complex step): what is not analytic goes by the real part.
 """
 
 from __future__ import annotations
@@ -115,11 +114,10 @@ class AutodiffGraph:
     def gradient(
         self, seeds: Sequence[tuple[Scalar, Array]], laws: Sequence[tuple[Scalar, Array]] = ()
     ) -> dict[str, Array]:
-        """Backwards: the sum of seed * value, differentiated by every leaf of a kind, (T, width); rates count as
-        coordinates themselves.
+        """Backwards: the sum of seed * value by every leaf of a kind, (T, width); rates count as leaves too.
 
-        laws: values that are linear in rates, for which the sum of seed * B_i is added, by virtual displacements: that
-        of d(X) is that of X (D.9), so that it is followed below the rate alone.
+        laws: values that are linear in rates, for which the sum of seed * B_i is added: the virtual displacement of
+        d(X) is that of X (D.9), so that it is followed below the rate alone.
         """
         adjoints: list[list[Array | None]] = []
         for given in (seeds, laws):

@@ -150,9 +150,8 @@ class DifferenceGrid:
     def roughness(self, y: Array, rate: Array) -> Array:
         """The effect that a jump or a kink of the rates (T, k) may have on the derivative of columns y (T, k), (T, k).
 
-        A stencil across a kink converges by chance: two widths agree and both are wrong. Differences of high order
-        show the kink, of y and of its rates alike; what one of them alone shows is an error of the table and excuses
-        nothing.
+        Across a kink two stencils agree by chance and both are wrong. Differences of high order show it, of y and of
+        its rates alike; what one of them alone shows is an error of the table and excuses nothing.
         """
         order = min(ROUGH, len(self.t) - 3)
         if order < 2:

@@ -100,6 +100,7 @@ class ModelLaws:
         self._closed = list(model_values.members(model.inequality, np.array(closed, dtype=np.int64)))
         self.rows = (*self.holonomic, *(name for law in model.differential for name in law.rows))
         self.s, self.C = len(self.holonomic), len(self.rows)
+        self.of_contacts = slice(self.s - len(self.contacts), self.s)
         self._pattern: Array | None = None
         self._jumps = jumps
 

@@ -30,8 +30,7 @@ from lagcli.model.resolve import ModelNames, Resolver, Results
 
 SPOT = tree.Node(0, 0)
 # Turns of all angles but one that are tried where a row has several: what no motion satisfies stays above its limit,
-# as no more than some thousand values are compared. With 100 or 10 000 for two angles
-# `test_turns_of_two_angles_are_taken_out_up_to_a_thousand` of `tests/unit/test_numbers_of_the_audit.py` fails.
+# as no more than some thousand values are compared.
 MOST_TURNS = {1: 0, 2: 1000, 3: 20}
 RowValues = list[tuple[Scalar, Integers]]
 """Values of rows with their indices among all rows."""
@@ -330,8 +329,7 @@ def _rigid_rows(
 def reduced(f: Array, jumps: Mapping[int, tuple[float, ...]]) -> None:
     """Take the whole turns of angles out of f (T, s), in place. jumps: the constants of each row, by its number.
 
-    A run goes on smoothly beyond the cut of `atan2` or `atan`, so that f differs from what the file says by whole
-    numbers of the constants by which one turn of each angle changes it. They are given: nothing here knows the solver.
+    A run goes on smoothly beyond the cut of `atan2` or `atan`: f differs by whole numbers of what one turn changes it.
     """
     for row, (size, *others) in jumps.items():
         if 1 + len(others) not in MOST_TURNS:

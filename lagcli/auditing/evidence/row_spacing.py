@@ -1,8 +1,7 @@
 """The motion that the spacing of rows shows: what is too fast for it is not judged by differences.
 
-Positions and velocities of a row and the next do not tell what swings, turns or is pushed between them. Rows at whole
-or half turns of an angle all show the same B and the same forces, and every formula through them agrees and is wrong:
-so the model is looked at between the rows too, on the way that the rates of each row point to.
+Rows at whole or half turns of an angle all show the same B and the same forces, and every formula through them agrees
+and is wrong: so the model is looked at between the rows too, on the way that the rates of each row point to.
 """
 
 from __future__ import annotations
@@ -36,10 +35,8 @@ class RowSpacing:
 
     @functools.cached_property
     def is_resolved(self) -> tuple[Array, Array]:
-        """True where the spacing resolves the motion of coordinates (T, n) and of dependent particles (T, 3 Nd).
-
-        The recorded rates say so, or the forces and reactions: an error in one of them leaves the others smooth.
-        """
+        """True where the spacing resolves the motion of coordinates (T, n) and of dependent particles (T, 3 Nd): by the
+        recorded rates or by forces and reactions, as an error in one of them leaves the others smooth."""
         r, own = self._e.record, self._e.laws.index.first_generalized
         force, force_x = self._e.total_force, r.R_x + self._e.values.force_x
         grid, part = self._e.grid, SAFETY * self._e.tolerance.rtol
@@ -55,9 +52,8 @@ class RowSpacing:
 
     @functools.cached_property
     def is_fast(self) -> Array:
-        """True where particles can swing faster than the rows show, (T, n): the forces, those of the rows at the same
-        lambda included, change so much with the positions that (step)^2 dF/dr > m. Sampled so far apart, a swing
-        looks slow."""
+        """True where particles can swing faster than the rows show, (T, n): forces, and those of rows at the same
+        lambda, change so much with the positions that (step)^2 dF/dr > m."""
         can_swing = np.zeros(self._e.record.q.shape, dtype=bool)
         own = self._e.laws.index.first_generalized
         if own and len(can_swing) > 1:
@@ -81,10 +77,8 @@ class RowSpacing:
         return not (self.is_coarse[0].any() or self.is_coarse[1].any())
 
     def unaliased(self, residual: Array, limit: Array, judged: Array) -> Array:
-        """The entries that can be judged, less those that may only look wrong as a fast motion is sampled slowly.
-
-        An error of the table is wrong at some rows; a motion too fast for the rows is so all along.
-        """
+        """The entries that can be judged, less those that may look wrong as a fast motion is sampled slowly: that is so
+        all along, and an error of the table is wrong at some rows."""
         beyond = judged & (np.abs(residual) > limit) & np.any(self.is_fast, axis=1, keepdims=True)
         nearly = beyond & (np.abs(residual) <= TWICE * limit)
         rows = ((beyond & ~nearly) | ~judged).sum(axis=0)
@@ -120,21 +114,15 @@ class RowSpacing:
 
 
 def _coarse(v: Array, a: Array, step: float, size: float) -> Array:
-    """True for particles (K,) whose rows are far apart, by the mean squares of velocities and accelerations (T, 3 K).
-
-    What moves by less than rounding beside the `size` of the system is at rest.
-    """
+    """True for particles (K,) whose rows are far apart, by the mean squares of velocities and accelerations (T, 3 K);
+    what moves by less than rounding beside the `size` of the system is at rest."""
     speed, push = (np.sqrt((y.reshape(len(y), -1, 3) ** 2).sum(axis=2).mean(axis=0)) for y in (v, a))
     return np.asarray((step * push > speed) & (step * step * push > 1e-9 * size))
 
 
 def _turning_steps(laws: ModelLaws, record: Record, part: float, atol: float) -> Array:
-    """True for the steps and columns (T - 1, 3 n) in which something turns too far along a coordinate: the rows,
-    the forces on it, its momenta.
-
-    Each row is gone on from with its own rates, so that rows out of order look as they are. part: of the size of a
-    column what is noise, beside `atol`.
-    """
+    """True for the steps and columns (T - 1, 3 n) in which the rows, the forces or the momenta turn too far along a
+    coordinate, from each row with its own rates. part: of the size of a column what is noise, beside `atol`."""
     # Rates of the size of those of the record, and multipliers by which rows pull alike at its first row
     random = np.random.default_rng(6)
     B = laws.matrix(record.t[:1], record.q[:1], record.v[:1])[0]

@@ -1,9 +1,7 @@
 """The recorded run: the columns of a table that an audit looks at, the incidents of their own table, and their digits.
 
-A run writes numbers with all their digits, so that nearly all have 16 or 17. A spreadsheet keeps fewer, of each number
-or behind its point, and then all numbers show it: one that was rounded is known to its last digit, and no better.
-Numbers of a simple motion may be short by themselves: they have many lengths, where those of a rounded table nearly all
-end at one place.
+A run writes numbers with 16 or 17 digits. A spreadsheet keeps fewer, of each number or behind its point: those nearly
+all end at one place, where numbers that are short by themselves, as of a simple motion, have many lengths.
 """
 
 from __future__ import annotations
@@ -76,9 +74,8 @@ class EventTable:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Incidents:
-    """E incidents in the order of time. before, after: their states as records, in which `lam` are the impulses
-    (E, C + K) and reactions are 0; kinds (E,): words; contact (E,): the number of the inequality that is named, -1 for
-    another."""
+    """E incidents in the order of time. before, after: records in which `lam` are the impulses (E, C + K) and reactions
+    are 0; kinds (E,): words; contact (E,): the number of the inequality that is named, or -1."""
 
     kinds: Array
     names: tuple[str, ...]
@@ -226,8 +223,7 @@ def incidents(laws: ModelLaws, table: EventTable) -> Incidents:
 
 
 def at_rows(incidents: Incidents, r: Record) -> Incidents:
-    """Incidents with the time of a row where one stands within the rounding of it and has the state after: it is found
-    by solving for its time, and that of the row is one of a grid."""
+    """Incidents with the time of a row that has the state after and stands within the rounding of theirs."""
     t = incidents.t.copy()
     if not len(t):
         return incidents
@@ -256,8 +252,7 @@ SAMPLE = 2000  # numbers that are looked at first: of a table with all digits no
 @dataclasses.dataclass(frozen=True, slots=True)
 class WrittenDigits:
     """The rounding of numbers: to a count of digits, or of decimals; 0 where they were not. time: half of a unit in
-    the last place of the times, 0 where they have fewer digits. is_told: False where there are too few numbers to tell
-    whether they were rounded so, or are short by themselves."""
+    the last place of the times, or 0; is_told: False where there are too few numbers to tell."""
 
     digits: int = 0
     decimals: int = 0
@@ -328,8 +323,7 @@ def _of_numbers(numbers: Array) -> WrittenDigits:
 
 
 def _rounding(written: WrittenDigits, ending: Array, counts: Array | int, looked: Array) -> WrittenDigits:
-    """The digits where most numbers end at the last place, with so many digits each, else all; looked: those of which a
-    part must, as the others are short by themselves."""
+    """The digits where most numbers of those looked at end at the last place, with so many digits each, else all."""
     if np.sum(ending) < HALF * np.sum(looked):
         return ALL
     together = float(np.sum(ending * counts))

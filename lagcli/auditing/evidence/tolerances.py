@@ -34,8 +34,8 @@ SAMPLES, FURTHER = 9, 4
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Tolerance:
-    """The distance a table may have from the laws: the tolerance of the run, and the constants by which rows jump where
-    an angle passes its cut, by number of the row; and the digits that its numbers have."""
+    """The distance a table may have from the laws: the tolerance of the run; the constants by which rows jump where an
+    angle passes its cut, by number of the row; the digits of its numbers."""
 
     rtol: float
     atol: float
@@ -60,8 +60,8 @@ class WholeRun:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class ForceRounding:
-    """The rounding of forces that balance each other, of a body at rest all there is of its motion: on coordinates q
-    (n,) and on dependent particles x (3 Nd,), and of the accelerations a (n,) that follow from it."""
+    """The rounding of forces that balance each other: on coordinates q (n,), on dependent particles x (3 Nd,), and of
+    the accelerations a (n,) that follow. Of a body at rest it is all there is of its motion."""
 
     q: Array
     x: Array
@@ -71,8 +71,7 @@ class ForceRounding:
 class Evidence:
     """The record of a run beside what the model says at its rows. All numbers of the record are finite but lambda.
 
-    whole: the record of which `found` is a part; the sizes to which a run was made are those of all its rows. run: what
-    `found` is the record of; None of a part.
+    whole: the record of which this is a part, which has the sizes to which a run was made; run: None of a part.
     """
 
     def __init__(
@@ -265,11 +264,8 @@ class Evidence:
 
 
 def _force_rounding(laws: ModelLaws, record: Record, values: LawValues) -> ForceRounding:
-    """The rounding of the forces of a record with the values of the laws at its rows.
-
-    A tolerance follows the size of the motion, and of a motion that is none it is nothing; forces that cancel are known
-    to a part of themselves, and push by that much.
-    """
+    """The rounding of the forces of a record with the values of the laws at its rows: a tolerance follows the size of
+    the motion, and of one that is none it is nothing, but forces that cancel push by a part of themselves."""
     index, own = laws.index, laws.index.first_generalized
     if not len(record.t):
         return ForceRounding(*(np.zeros(part.shape[1]) for part in (record.q, record.x, record.q)))
