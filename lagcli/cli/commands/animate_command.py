@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from lagcli.output.animation.scene import Scene
 
 
-@exits.command
-@options.with_run_settings()
+@options.command()
 def animate(
     source: Annotated[
         str,
@@ -30,14 +29,10 @@ def animate(
             autocompletion=completing.run_files,
         ),
     ],
-    output: Annotated[
-        str | None,
-        typer.Option("-o", "--output", metavar="FILE", help="page: .html; film: .gif, .mp4; - for stdout"),
-    ] = None,
+    output: Annotated[str | None, options.output("page: .html; film: .gif, .mp4; - for stdout")] = None,
     model: Annotated[
         str | None,
         typer.Option(
-            "--model",
             metavar="MODEL",
             help="of a table: for masses, forces, rods and surfaces",
             autocompletion=completing.model_files,
@@ -49,7 +44,6 @@ def animate(
     changes: options.SetOption = None,
     quiet: options.QuietOption = False,
     verbose: options.VerboseOption = False,
-    debug: options.DebugOption = False,
 ) -> None:
     """Write the motion as one page that needs nothing else: particles, rods, surfaces, R and F, lambda beside it.
 

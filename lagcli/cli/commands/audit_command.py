@@ -20,21 +20,12 @@ if TYPE_CHECKING:
 LEAST_WHERE = 12  # columns of the terminal for the location of the worst entry
 
 
-@exits.command
-@options.with_run_settings()
+@options.command()
 def audit(
     model: options.ModelArgument,
-    run: Annotated[
-        str | None,
-        typer.Option("--run", metavar="FILE", help=f"a table: {formats.LISTED}; else a new run"),
-    ] = None,
-    events: Annotated[
-        str | None,
-        typer.Option("--events", metavar="FILE", help="the events of that run, of `simulate --events`"),
-    ] = None,
-    plot: Annotated[
-        str | None, typer.Option("--plot", metavar="FILE", help="figure of the checks: png, svg, pdf")
-    ] = None,
+    run: Annotated[str | None, options.file(f"a table: {formats.LISTED}; else a new run")] = None,
+    events: Annotated[str | None, options.file("the events of that run, of `simulate --events`")] = None,
+    plot: Annotated[str | None, options.file("figure of the checks: png, svg, pdf")] = None,
     *,
     run_settings: RunSettings,
     digits: Annotated[
@@ -44,7 +35,6 @@ def audit(
     as_json: options.JsonOption = False,
     quiet: options.QuietOption = False,
     verbose: options.VerboseOption = False,
-    debug: options.DebugOption = False,
 ) -> None:
     """Check a table of t, r, v, lambda, R against the laws of the model, without the functions of the solver.
 

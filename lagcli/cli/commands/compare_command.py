@@ -11,44 +11,30 @@ from lagcli.cli.terminal import console, exits
 from lagcli.model.settings import RunSettings
 from lagcli.output.files import formats, write_guard
 
-OtherArgument = Annotated[
-    str | None,
-    typer.Argument(
-        metavar="[OTHER]",
-        help="a second model, compared on shared columns",
-        autocompletion=completing.model_files,
-    ),
-]
-MuOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--mu",
-        metavar="NAME=VALUE",
-        help="initial μ of a differential row (0); repeatable",
-        autocompletion=completing.multipliers,
-    ),
-]
-ComparedOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="PATTERNS",
-        help="columns to compare, such as 'a.*,R.*'",
-        autocompletion=completing.columns,
-    ),
-]
-
-
 COLOURS = {"stopped": "red"}
 
 
-@exits.command
-@options.with_run_settings("method")
+@options.command("method")
 def compare(
     model: options.ModelArgument,
-    other: OtherArgument = None,
+    other: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[OTHER]",
+            help="a second model, compared on shared columns",
+            autocompletion=completing.model_files,
+        ),
+    ] = None,
     *,
     run_settings: RunSettings,
-    columns: ComparedOption = None,
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PATTERNS",
+            help="columns to compare, such as 'a.*,R.*'",
+            autocompletion=completing.columns,
+        ),
+    ] = None,
     tolerance: Annotated[
         float | None,
         typer.Option(help="largest difference that passes, as a part of the largest value (1e-8)"),
@@ -56,19 +42,20 @@ def compare(
     vakonomic: Annotated[
         bool, typer.Option("--vakonomic", help="also the motion of the other principle, with multipliers μ")
     ] = False,
-    mu: MuOption = None,
-    output: Annotated[
-        str | None,
-        typer.Option("-o", "--output", metavar="FILE", help="table of the vakonomic motion; - for stdout"),
+    mu: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE",
+            help="initial μ of a differential row (0); repeatable",
+            autocompletion=completing.multipliers,
+        ),
     ] = None,
-    plot: Annotated[
-        str | None, typer.Option("--plot", metavar="FILE", help="figure of the two motions: png, svg, pdf")
-    ] = None,
+    output: Annotated[str | None, options.output("table of the vakonomic motion; - for stdout")] = None,
+    plot: Annotated[str | None, options.file("figure of the two motions: png, svg, pdf")] = None,
     changes: options.SetOption = None,
     as_json: options.JsonOption = False,
     quiet: options.QuietOption = False,
     verbose: options.VerboseOption = False,
-    debug: options.DebugOption = False,
 ) -> None:
     """Run a model in every formulation that fits, or two models, and show to how many digits they agree.
 

@@ -19,7 +19,7 @@ NARROW, WIDE, WIDTH = 60, 140, 100
 DERIVE_FORMATS = ("text", "latex", "markdown", "html", "json")
 
 
-@exits.command
+@options.command()
 def derive(
     model: options.ModelArgument,
     form: Annotated[
@@ -48,7 +48,6 @@ def derive(
     as_json: Annotated[bool, typer.Option("--json", help="as --format json")] = False,
     quiet: options.QuietOption = False,
     verbose: options.VerboseOption = False,
-    debug: options.DebugOption = False,
 ) -> None:
     """Print the equations of motion as they are written on paper, each line with its number in the text.
 

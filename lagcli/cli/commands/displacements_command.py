@@ -23,8 +23,7 @@ METRICS = {
 }
 
 
-@exits.command
-@options.with_run_settings("duration", "samples", "output_step")
+@options.command("duration", "samples", "output_step")
 def displacements(
     model: options.ModelArgument,
     at: Annotated[
@@ -36,7 +35,6 @@ def displacements(
     as_json: options.JsonOption = False,
     quiet: options.QuietOption = False,
     verbose: options.VerboseOption = False,
-    debug: options.DebugOption = False,
 ) -> None:
     """Print bases of the allowed and virtual displacements, the dependent and independent components, and whether the
     forces between particles act along lines.

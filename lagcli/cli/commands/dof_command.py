@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from lagcli.analysis.dof import DofCount
 
 
-@exits.command
+@options.command()
 def dof(
     model: options.ModelArgument,
     changes: options.SetOption = None,
@@ -24,7 +24,6 @@ def dof(
     limit: options.LimitOption = settings.LIMIT,
     quiet: options.QuietOption = False,
     verbose: options.VerboseOption = False,
-    debug: options.DebugOption = False,
 ) -> None:
     """Print the number of degrees of freedom, 3N - s (n - s with generalized coordinates).
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from lagcli.statics.static_report import StaticReport
 
 
-@exits.command
+@options.command()
 def equilibrium(
     model: options.ModelArgument,
     output: options.PointsOption = None,
@@ -26,7 +26,6 @@ def equilibrium(
     as_json: options.JsonOption = False,
     quiet: options.QuietOption = False,
     verbose: options.VerboseOption = False,
-    debug: options.DebugOption = False,
 ) -> None:
     """Find the points of rest: with zero velocities and accelerations the equations of motion hold at every t.
 

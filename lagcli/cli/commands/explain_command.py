@@ -13,7 +13,7 @@ from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
 
 
-@exits.command
+@options.command()
 def explain(
     code: Annotated[
         str | None,
@@ -22,7 +22,6 @@ def explain(
         ),
     ] = None,
     quiet: options.QuietOption = False,
-    debug: options.DebugOption = False,
 ) -> None:
     """Explain an error or warning and how to fix it, or an equation such as D.24; without CODE list all."""
     from lagcli.errors import catalogue

@@ -15,14 +15,12 @@ if TYPE_CHECKING:
     from lagcli.formulations.stiff_ladder import StiffLimit
 
 
-@exits.command
-@options.with_run_settings("method")
+@options.command("method")
 def limit(
     model: options.ModelArgument,
     constraint: Annotated[
         str,
         typer.Option(
-            "--constraint",
             metavar="NAME",
             help="the holonomic row that becomes a spring",
             autocompletion=completing.holonomic,
@@ -36,22 +34,16 @@ def limit(
         bool, typer.Option("--unprestressed", help="start without stretch, not on the slow motion")
     ] = False,
     ramp: Annotated[
-        float | None,
-        typer.Option("--ramp", metavar="SECONDS", help="one run in which k rises over all of them"),
+        float | None, typer.Option(metavar="SECONDS", help="one run in which k rises over all of them")
     ] = None,
-    output: Annotated[
-        str | None, typer.Option("-o", "--output", metavar="FILE", help="table; - for standard output")
-    ] = None,
-    plot: Annotated[
-        str | None, typer.Option("--plot", metavar="FILE", help="figure of forces and errors: png, svg, pdf")
-    ] = None,
+    output: Annotated[str | None, options.output("table; - for standard output")] = None,
+    plot: Annotated[str | None, options.file("figure of forces and errors: png, svg, pdf")] = None,
     *,
     run_settings: RunSettings,
     changes: options.SetOption = None,
     as_json: options.JsonOption = False,
     quiet: options.QuietOption = False,
     verbose: options.VerboseOption = False,
-    debug: options.DebugOption = False,
 ) -> None:
     """Replace a holonomic row f = 0 by the potential k f^2/2 for growing k, and set its force -k f against lambda.
 

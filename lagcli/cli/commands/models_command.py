@@ -18,7 +18,7 @@ from lagcli.output.files import formats
 INDENT = 2  # spaces
 
 
-@exits.command
+@options.command()
 def models(
     name: Annotated[
         str | None,
@@ -26,15 +26,11 @@ def models(
             metavar="[NAME]", help="a model of the gallery", autocompletion=completing.gallery_names
         ),
     ] = None,
-    output: Annotated[
-        str | None,
-        typer.Option("-o", "--output", metavar="FILE", help="copy it to this file, or into this folder"),
-    ] = None,
+    output: Annotated[str | None, options.output("copy it to this file, or into this folder")] = None,
     force: options.ForceOption = False,
     no_schema: options.NoSchemaOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="JSON on standard output")] = False,
     quiet: options.QuietOption = False,
-    debug: options.DebugOption = False,
 ) -> None:
     """List the models of the gallery by subject, print one, or copy it with -o."""
     if name is None and output is not None:

@@ -21,12 +21,10 @@ MOST_MODES, MOST_COORDINATES = 60, 8  # what fits a screen; --json has all
 VERDICTS = {True: "stable", False: "unstable", None: "not decided"}
 
 
-@exits.command
+@options.command()
 def modes(
     model: options.ModelArgument,
-    plot: Annotated[
-        str | None, typer.Option("--plot", metavar="FILE", help="figure of the shapes: png, svg, pdf")
-    ] = None,
+    plot: Annotated[str | None, options.file("figure of the shapes: png, svg, pdf")] = None,
     about: Annotated[
         str, typer.Option(metavar="WHAT", help="start, equilibrium, or the one that fits: auto")
     ] = "auto",
@@ -34,17 +32,13 @@ def modes(
         int | None,
         typer.Option(metavar="N", help="how many modes of a model of more than 600 coordinates (20)"),
     ] = None,
-    animate: Annotated[
-        str | None,
-        typer.Option("--animate", metavar="FILE", help="the modes as a page (.html) that shows them swing"),
-    ] = None,
+    animate: Annotated[str | None, options.file("the modes as a page (.html) that shows them swing")] = None,
     assemble: options.AssembleOption = False,
     limit: options.LimitOption = settings.LIMIT,
     changes: options.SetOption = None,
     as_json: options.JsonOption = False,
     quiet: options.QuietOption = False,
     verbose: options.VerboseOption = False,
-    debug: options.DebugOption = False,
 ) -> None:
     """Linearize about the start, if that is an equilibrium or a steady motion, else, where it is at rest, about the
     nearest equilibrium, and print frequencies, shapes and whether it is stable.

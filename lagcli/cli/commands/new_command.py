@@ -26,7 +26,7 @@ STDOUT = "-"
 MOST = 2**25
 
 
-@exits.command
+@options.command()
 def new(
     name: Annotated[
         str | None,
@@ -48,7 +48,6 @@ def new(
         bool, typer.Option("--json", help="what was written, as JSON on standard output")
     ] = False,
     quiet: options.QuietOption = False,
-    debug: options.DebugOption = False,
 ) -> None:
     """Write a model with comments, to change into one's own.
 

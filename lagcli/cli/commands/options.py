@@ -19,7 +19,7 @@ from lagcli.cli.commands import completing
 from lagcli.cli.terminal import console, exits, status_line
 from lagcli.errors import diagnostics
 from lagcli.model import settings
-from lagcli.output.files import formats
+from lagcli.output.files import atomic_file, formats
 
 if TYPE_CHECKING:
     from lagcli.model.model import Model
@@ -38,10 +38,11 @@ Keywords: TypeAlias = dict[str, Any]  # of a function of the API
 _COMPLETIONS: Keywords = {"method": completing.methods}
 
 
-def with_run_settings(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a command an option for each setting of a run, but for those left out.
+def command(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Make a command of a function: it has --debug, and always ends in `SystemExit` with its exit code.
 
-    It takes them together as `run_settings`; one that is not given is None there, and as the model says.
+    Where the function takes `run_settings` the command has an option for each setting of a run, but for those left out;
+    one that is not given is None, and as the model says.
     """
 
     def with_options(function: Callable[..., None]) -> Callable[..., None]:
@@ -55,13 +56,25 @@ def with_run_settings(*left_out: str) -> Callable[[Callable[..., None]], Callabl
                 parameters += [_option(name, *row) for name, row in rows.items()]
             else:
                 parameters.append(parameter.replace(annotation=hints[parameter.name]))
+        debugging = Annotated[bool, typer.Option("--debug", help="a traceback where lagcli itself fails")]
+        parameters.append(
+            inspect.Parameter("debug", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=debugging)
+        )
 
         @functools.wraps(function)
-        def called(**given: object) -> None:
-            chosen = {name: given.pop(name) for name in rows}
-            # A flag that is not set is no `assemble: false`.
-            chosen |= {name: None for name, value in chosen.items() if value is False}
-            function(**given, run_settings=chosen)
+        def called(*, debug: bool, **given: Any) -> None:
+            if "run_settings" in hints:
+                chosen = {name: given.pop(name) for name in rows}
+                # A flag that is not set is no `assemble: false`.
+                given["run_settings"] = {n: None if value is False else value for n, value in chosen.items()}
+            code = exits.BUG
+            try:
+                with status_line.showing(given.get("quiet", False)):
+                    code = exits.guarded(lambda: function(**given), debug)
+            finally:
+                if code != exits.DONE:  # one that ends well has moved or removed its files aside
+                    atomic_file.sweep()
+            raise SystemExit(code)
 
         called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
         called.__annotations__ = {each.name: each.annotation for each in parameters}
@@ -81,6 +94,16 @@ def _option(name: str, kind: object, row: settings.RunSetting) -> inspect.Parame
     default = False if kind is bool else None
     annotation = Annotated[hint, option]  # type: ignore[valid-type]
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+
+
+def file(help_line: str) -> Any:
+    """An option, called as its parameter, that takes the name of a file."""
+    return typer.Option(metavar="FILE", help=help_line)
+
+
+def output(help_line: str) -> Any:
+    """The option -o, --output."""
+    return typer.Option("-o", "--output", metavar="FILE", help=help_line)
 
 
 ModelArgument = Annotated[
@@ -108,11 +131,7 @@ AssembleOption = Annotated[
 ]  # of commands that make no run
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="only errors on standard error")]
 VerboseOption = Annotated[bool, typer.Option("-v", "--verbose", help="more on standard error")]
-DebugOption = Annotated[bool, typer.Option("--debug", help="a traceback where lagcli itself fails")]
-PointsOption = Annotated[
-    str | None,
-    typer.Option("-o", "--output", metavar="FILE", help=f"the points: {formats.LISTED}; -"),
-]
+PointsOption = Annotated[str | None, output(f"the points: {formats.LISTED}; -")]
 StartsOption = Annotated[int, typer.Option("--starts", min=0, help="starts beside the declared one")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="of these starts; the same for the same seed")]
 FromOption = Annotated[

@@ -15,16 +15,10 @@ from lagcli.model.settings import RunSettings
 from lagcli.output.files import write_guard
 
 
-@exits.command
-@options.with_run_settings()
+@options.command()
 def report(
     model: options.ModelArgument,
-    output: Annotated[
-        str,
-        typer.Option(
-            "-o", "--output", metavar="FILE", help="the page: .html, .md, .pdf; - for HTML on stdout"
-        ),
-    ] = "-",
+    output: Annotated[str, options.output("the page: .html, .md, .pdf; - for HTML on stdout")] = "-",
     title: Annotated[str | None, typer.Option(help="title of the page; by default the model's")] = None,
     *,
     run_settings: RunSettings,
@@ -34,7 +28,6 @@ def report(
     pdf: Annotated[
         str | None,
         typer.Option(
-            "--pdf",
             metavar="MAKER",
             help="what makes a .pdf: browser or latex; by default a browser, or else latex",
             autocompletion=lambda: ["browser", "latex"],
@@ -44,7 +37,6 @@ def report(
     changes: options.SetOption = None,
     quiet: options.QuietOption = False,
     verbose: options.VerboseOption = False,
-    debug: options.DebugOption = False,
 ) -> None:
     """Write one page about a model: verdicts with proofs, count, equations, motion, audit, provenance.
 

@@ -5,23 +5,17 @@ from __future__ import annotations
 import json
 from typing import Annotated
 
-import typer
-
 from lagcli.cli.commands import options
 from lagcli.cli.terminal import exits
 
 
-@exits.command
+@options.command()
 def schema(
     output: Annotated[
-        str | None,
-        typer.Option(
-            "-o", "--output", metavar="FILE", help="write it to this file, lagcli.schema.json as a rule"
-        ),
+        str | None, options.output("write it to this file, lagcli.schema.json as a rule")
     ] = None,
     force: options.ForceOption = False,
     quiet: options.QuietOption = False,
-    debug: options.DebugOption = False,
 ) -> None:
     """Print the JSON Schema of model files (draft 7), by which editors complete, explain and check keys.
 

@@ -17,54 +17,36 @@ if TYPE_CHECKING:
     from lagcli.running.run_request import RunRequest
     from lagcli.running.written_run import RunEnding, WrittenRun
 
-OutputOption = Annotated[
-    str | None,
-    typer.Option("-o", "--output", metavar="FILE", help=f"{formats.LISTED}; - for stdout"),
-]
-ColumnsOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="PATTERNS",
-        help="columns to write, such as 't,lambda.*,R.a.*'",
-        autocompletion=completing.columns,
-    ),
-]
-EventsOption = Annotated[
-    str | None,
-    typer.Option(metavar="FILE", help="table of impacts, contacts, releases and events; - for stdout"),
-]
-EventRowsOption = Annotated[
-    bool, typer.Option("--event-rows", help="two more rows at each of these instants, before and after")
-]
-CheckpointOption = Annotated[
-    str | None, typer.Option(metavar="FILE", help="keep the state of the run, for --resume")
-]
-ResumeOption = Annotated[
-    str | None, typer.Option(metavar="FILE", help="go on from a checkpoint of the same run")
-]
-DigitsOption = Annotated[
-    bool, typer.Option("--digits", help="columns err.*: the error of r, v, lambda and R, from a second run")
-]
 
-
-@exits.command
-@options.with_run_settings()
+@options.command()
 def simulate(
     model: options.ModelArgument,
-    output: OutputOption = None,
-    plot: Annotated[
-        str | None, typer.Option("--plot", metavar="FILE", help="figure of lambda and R: png, svg, pdf")
-    ] = None,
+    output: Annotated[str | None, options.output(f"{formats.LISTED}; - for stdout")] = None,
+    plot: Annotated[str | None, options.file("figure of lambda and R: png, svg, pdf")] = None,
     *,
     run_settings: RunSettings,
-    columns: ColumnsOption = None,
-    events: EventsOption = None,
-    event_rows: EventRowsOption = False,
-    stats: Annotated[str | None, typer.Option(metavar="FILE", help="the account of the run as JSON")] = None,
-    checkpoint: CheckpointOption = None,
-    resume: ResumeOption = None,
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PATTERNS",
+            help="columns to write, such as 't,lambda.*,R.a.*'",
+            autocompletion=completing.columns,
+        ),
+    ] = None,
+    events: Annotated[
+        str | None, options.file("table of impacts, contacts, releases and events; - for stdout")
+    ] = None,
+    event_rows: Annotated[
+        bool, typer.Option("--event-rows", help="two more rows at each of these instants, before and after")
+    ] = False,
+    stats: Annotated[str | None, options.file("the account of the run as JSON")] = None,
+    checkpoint: Annotated[str | None, options.file("keep the state of the run, for --resume")] = None,
+    resume: Annotated[str | None, options.file("go on from a checkpoint of the same run")] = None,
     begin: options.FromOption = None,
-    digits: DigitsOption = False,
+    digits: Annotated[
+        bool,
+        typer.Option("--digits", help="columns err.*: the error of r, v, lambda and R, from a second run"),
+    ] = False,
     limit: options.LimitOption = settings.LIMIT,
     changes: options.SetOption = None,
     as_json: Annotated[
@@ -72,7 +54,6 @@ def simulate(
     ] = False,
     quiet: options.QuietOption = False,
     verbose: options.VerboseOption = False,
-    debug: options.DebugOption = False,
 ) -> None:
     """Integrate m a = F + sum lambda_i B_i and write t, r, v, lambda, R, energy as a table.
 

@@ -7,15 +7,14 @@ from typing import Annotated
 import typer
 
 from lagcli.cli.commands import equilibrium_command, options
-from lagcli.cli.terminal import exits
 from lagcli.model import settings
 from lagcli.output.files import write_guard
 
 
-@exits.command
+@options.command()
 def stationary(
     model: options.ModelArgument,
-    of: Annotated[str, typer.Option("--of", metavar="EXPR", help="the function, such as 'a.x*a.y'")],
+    of: Annotated[str, typer.Option(metavar="EXPR", help="the function, such as 'a.x*a.y'")],
     output: options.PointsOption = None,
     starts: options.StartsOption = 32,
     seed: options.SeedOption = 0,
@@ -24,7 +23,6 @@ def stationary(
     as_json: options.JsonOption = False,
     quiet: options.QuietOption = False,
     verbose: options.VerboseOption = False,
-    debug: options.DebugOption = False,
 ) -> None:
     """Find the stationary points of a function of the coordinates on the holonomic surfaces, with their multipliers.
 

@@ -15,91 +15,63 @@ from lagcli.output.files import formats
 if TYPE_CHECKING:
     from lagcli.output.sweeps.sweep_table import SweepEnding
 
-ModelsArgument = Annotated[
-    list[str],
-    typer.Argument(
-        metavar="MODEL",
-        help="model file; - for standard input; with --merge the files",
-        autocompletion=completing.model_files,
-    ),
-]
-OverOption = Annotated[
-    list[str] | None,
-    typer.Option("--over", metavar="NAME=VALUES", help="LOW:HIGH:COUNT or [V1, V2, ...]; several are a grid"),
-]
-PointsOption = Annotated[
-    str | None,
-    typer.Option("--points", metavar="FILE", help="a table, a point a row; - for standard input, CSV"),
-]
-UncertainOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--uncertain", metavar="NAME~LAW", help="normal(MEAN, SD), uniform(LOW, HIGH), ...; repeatable"
-    ),
-]
-DrawsOption = Annotated[int, typer.Option(min=1, help="points that are drawn of --uncertain")]
-SamplingOption = Annotated[str, typer.Option(metavar="KIND", help="sobol, quasi-random, or random")]
-ReduceOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--reduce", metavar="NAME=EXPR", help="kept of a run: 'peak=max(abs(lambda.rod))'; repeatable"
-    ),
-]
-OutputOption = Annotated[
-    str | None,
-    typer.Option(
-        "-o", "--output", metavar="FILE", help="a table, FOLDER/ for a Parquet dataset; - for stdout"
-    ),
-]
-TablesOption = Annotated[
-    str | None,
-    typer.Option(metavar="FOLDER", help="every full table, FOLDER/*.parquet for another format than CSV"),
-]
-JobsOption = Annotated[int, typer.Option(min=1, help="processes of this machine")]
-SchedulerOption = Annotated[
-    str | None, typer.Option(metavar="ADDRESS", help="a Dask cluster instead, tcp://HOST:PORT")
-]
-ShardOption = Annotated[str | None, typer.Option(metavar="I/N", help="the I-th of N parts of the points")]
-MergeOption = Annotated[
-    bool, typer.Option("--merge", help="the arguments are tables of shards: put them together")
-]
-ResumeOption = Annotated[
-    bool, typer.Option("--resume", help="go on from the rows of an ended sweep into FILE")
-]
-LimitEachOption = Annotated[
-    float | None,
-    typer.Option("--limit-each", metavar="SECONDS", min=0.0, help="a point that takes longer is ended"),
-]
-YesOption = Annotated[bool, typer.Option("--yes", help="also for more than ten million points")]
 
-
-@exits.command
-@options.with_run_settings()
+@options.command()
 def sweep(
-    models: ModelsArgument,
-    over: OverOption = None,
-    points: PointsOption = None,
-    uncertain: UncertainOption = None,
-    draws: DrawsOption = 1024,
+    models: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="MODEL",
+            help="model file; - for standard input; with --merge the files",
+            autocompletion=completing.model_files,
+        ),
+    ],
+    over: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUES", help="LOW:HIGH:COUNT or [V1, V2, ...]; several are a grid"),
+    ] = None,
+    points: Annotated[str | None, options.file("a table, a point a row; - for standard input, CSV")] = None,
+    uncertain: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME~LAW", help="normal(MEAN, SD), uniform(LOW, HIGH), ...; repeatable"),
+    ] = None,
+    draws: Annotated[int, typer.Option(min=1, help="points that are drawn of --uncertain")] = 1024,
     seed: options.SeedOption = 0,
-    sampling: SamplingOption = "sobol",
-    reduce: ReduceOption = None,
-    output: OutputOption = None,
-    tables: TablesOption = None,
-    jobs: JobsOption = 1,
-    scheduler: SchedulerOption = None,
-    shard: ShardOption = None,
-    merge: MergeOption = False,
-    resume: ResumeOption = False,
-    limit_each: LimitEachOption = None,
-    yes: YesOption = False,
+    sampling: Annotated[str, typer.Option(metavar="KIND", help="sobol, quasi-random, or random")] = "sobol",
+    reduce: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=EXPR", help="kept of a run: 'peak=max(abs(lambda.rod))'; repeatable"),
+    ] = None,
+    output: Annotated[
+        str | None, options.output("a table, FOLDER/ for a Parquet dataset; - for stdout")
+    ] = None,
+    tables: Annotated[
+        str | None,
+        typer.Option(metavar="FOLDER", help="every full table, FOLDER/*.parquet for another format than CSV"),
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="processes of this machine")] = 1,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="a Dask cluster instead, tcp://HOST:PORT")
+    ] = None,
+    shard: Annotated[
+        str | None, typer.Option(metavar="I/N", help="the I-th of N parts of the points")
+    ] = None,
+    merge: Annotated[
+        bool, typer.Option("--merge", help="the arguments are tables of shards: put them together")
+    ] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="go on from the rows of an ended sweep into FILE")
+    ] = False,
+    limit_each: Annotated[
+        float | None, typer.Option(metavar="SECONDS", min=0.0, help="a point that takes longer is ended")
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="also for more than ten million points")] = False,
     *,
     run_settings: RunSettings,
     limit: options.LimitOption = settings.LIMIT,
     changes: options.SetOption = None,
     as_json: options.JsonOption = False,
     quiet: options.QuietOption = False,
-    debug: options.DebugOption = False,
 ) -> None:
     """Run a model at many points and write a row for each: the point, what is kept of the run, how it ended.
 

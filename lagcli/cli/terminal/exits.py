@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import os
 import sys
 import traceback
 from collections.abc import Callable, Iterable
-from typing import ParamSpec
 
-from lagcli.cli.terminal import status_line
 from lagcli.errors import diagnostics
 from lagcli.input.overrides import OverrideError
-from lagcli.output.files import atomic_file, interrupts, write_guard
+from lagcli.output.files import interrupts, write_guard
 
 # Exit codes, as the manual lists them.
 DONE, INVALID, USAGE, STOPPED, UNDECIDED, BUG, NOT_WRITTEN, PIPE_CLOSED = 0, 1, 2, 3, 4, 70, 74, 141
@@ -60,26 +57,6 @@ def of(error: diagnostics.ModelError) -> int:
     """The code for an invalid model; where all that is wrong stands in an option, it is the command line's."""
     ours = all(found.location.path.startswith(OPTIONS) for found in error.diagnostics)
     return USAGE if ours else INVALID
-
-
-P = ParamSpec("P")
-
-
-def command(function: Callable[P, None]) -> Callable[P, None]:
-    """Give a command its exit code: it always ends in `SystemExit`."""
-
-    @functools.wraps(function)
-    def ended(*arguments: P.args, **options: P.kwargs) -> None:
-        code = BUG
-        try:
-            with status_line.showing(bool(options.get("quiet"))):
-                code = guarded(lambda: function(*arguments, **options), debug=bool(options.get("debug")))
-        finally:
-            if code != DONE:  # one that ends well has moved or removed its files aside
-                atomic_file.sweep()
-        raise SystemExit(code)
-
-    return ended
 
 
 def guarded(run: Callable[[], None], debug: bool = False) -> int:
