@@ -26,7 +26,6 @@ from lagcli.model.settings import RunSettings
 from lagcli.output.files import write_guard
 from lagcli.output.tables import provenance, table_format
 from lagcli.running import run_tables, table_columns
-from lagcli.running.run_tables import TablePlan
 from lagcli.running.simulation_run import SimulationRun
 from lagcli.simulation.run_state import run_stop
 
@@ -313,8 +312,8 @@ def compare_to_files(
     first, vakonomic = found.formulations[0], found.formulations[-1]
     if output is not None:
         whence = provenance.of(model).as_json() | {"vakonomic": {"mu": dict(found.principles.mu)}}
-        plan, is_partial = TablePlan.of_option(output, vakonomic.columns), bool(vakonomic.stopped)
-        saved = run_tables.write(plan, whence, vakonomic.table, is_partial)
+        is_partial = bool(vakonomic.stopped)
+        saved = run_tables.write(output, vakonomic.columns, vakonomic.table, whence, is_partial)
         if is_partial:
             lines.append(f"lagcli: the vakonomic motion stopped; {saved}" if saved else "")
     if plot is not None:

@@ -19,7 +19,6 @@ from lagcli.model.settings import RunSettings
 from lagcli.output.files import write_guard
 from lagcli.output.tables import provenance
 from lagcli.running import run_tables
-from lagcli.running.run_tables import TablePlan
 
 STIFFNESS = "1e3:1e5"
 
@@ -75,7 +74,7 @@ def limit_to_files(
     if output is not None:
         names, rows = found.table
         whence = provenance.of(model).as_json() | {"limit": {"constraint": found.constraint}}
-        saved = run_tables.write(TablePlan.of_option(output, names), whence, rows, bool(found.stopped))
+        saved = run_tables.write(output, names, rows, whence, bool(found.stopped))
         lines += [f"lagcli: {saved or 'a run stopped'}"] if found.stopped else []
     if plot is not None and found.rungs:
         with write_guard.drawing(plot):

@@ -70,7 +70,7 @@ def before(ready: SimulationRun, resume: str, plan: TablePlan) -> RowsBefore | N
         raise BadRequest(f"{option_text}: {error}; {instead}") from None
     except OSError as error:
         raise BadRequest(f"{option_text}: cannot read {path}: {error.strerror}") from None
-    return RowsBefore(path, rows, t_end, plan.noun)
+    return RowsBefore(path, rows, t_end)
 
 
 def require_saved_rows(ready: SimulationRun, resume: str, plan: TablePlan) -> None:
@@ -133,7 +133,7 @@ def _difference(ready: SimulationRun, resume: str, plan: TablePlan) -> str:
         # All else that rows depend on is in the checkpoint, with which the run agrees.
         if found.provenance is not None and found.provenance.get("sha256") != ready.model.sha256:
             return "its provenance is that of a different model file"
-        texts = [found.words(name) for name in plan.texts]
+        texts = [found.words(name) for name in plan.words]
         rows = found.take([name for name in plan.names if name not in plan.words])
     except (*table_format.UNREADABLE, OSError) as error:
         return str(error)
@@ -144,10 +144,10 @@ def _difference(ready: SimulationRun, resume: str, plan: TablePlan) -> str:
     return "its rows are not those of the run before"
 
 
-def elsewhere(point: Checkpoint, resume: str, field: str) -> str:
-    """The location of the rows of the `table` or the `events` before a resumed run if their table was never completed,
-    as a sentence, or nothing."""
-    record = point.table if field == "table" else point.events
+def elsewhere(point: Checkpoint, resume: str, noun: str) -> str:
+    """The location of the rows or the events before a resumed run if their table was never completed, as a sentence, or
+    nothing."""
+    option, record = ("-o", point.table) if noun == "rows" else ("--events", point.events)
     if record is None:
         return ""
     table = run_tables.table_of(pathlib.Path(resume), record.file)
@@ -155,7 +155,6 @@ def elsewhere(point: Checkpoint, resume: str, field: str) -> str:
     if not path.is_file():
         return ""
     t = point.run_state.origin + point.run_state.row
-    option, noun = ("-o", "rows") if field == "table" else ("--events", "events")
     return (
         f"the {record.count} {noun} up to t = {t:.9g} of the run before are in {path}; `{option} {table}` writes one"
         " table of all"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
@@ -25,24 +26,17 @@ if TYPE_CHECKING:
     from lagcli.simulation.run_entry import RunReport
     from lagcli.simulation.run_state.run_stop import Stop
 
+Floats = npt.NDArray[np.float64]
+
 CODE = "energy-not-kept"
 
 
-class EnergyParameters:
-    """From when on an energy is not kept.
-
-    The tests are of `tests/physics/test_narrow_features.py`.
-    """
-
-    __slots__ = ()
-
-    tolerances: float = 1e3
-    """What is off by so many tolerances is no error of a run that is right: that grows with the number of steps, of
-    which each has a hundredth of one.
-    `test_an_energy_is_not_kept_from_a_thousand_tolerances_on` fails at 100 and 10000."""
-
-
-PARAMETERS = EnergyParameters()
+# What is off by so many tolerances is no error of a run that is right: that grows with the number of steps, each of
+# which has a hundredth of one.
+TOLERANCES = 1e3
+MOST_LISTED = 6  # instants reported one by one
+# Conditions that are off by less than this part of the largest are not named.
+MAIN = 0.1
 
 
 @frozen_value
@@ -58,47 +52,16 @@ class RunWarning:
         return f"warning[{self.code}]: {self.reason}"
 
 
-@frozen_value
-class EnergyError:
-    """The largest error of the energy of a run, the energy exchanged, and what the tolerance and rounding allow."""
-
-    off: float
-    exchanged: float
-    tolerance: float
-    rounding: float
-
-    @property
-    def is_kept(self) -> bool:
-        """True where the error is no larger than that of a run that is right."""
-        return self.off <= PARAMETERS.tolerances * self.tolerance + self.rounding
-
-    @property
-    def part(self) -> float:
-        """The error as a part of the energy exchanged."""
-        return self.off / self.exchanged if self.exchanged else np.inf
-
-    @property
-    def warning(self) -> RunWarning:
-        """The warning that it is."""
-        return RunWarning(
-            CODE,
-            f"the energy should stay, and is off by {self.part:.1e} of the energy exchanged: steps have passed over a"
-            " force, or their errors have added up, and the table is wrong by as much; bound the steps (`--max-step`),"
-            " take more rows (`samples`), which see more of a narrow force, or a smaller `rtol`",
-        )
-
-
-def found(
-    numeric: NumericSystem, settings: Simulation, start: State, report: RunReport
-) -> EnergyError | None:
-    """The error of the energy of a run so far, from this start, where it is not kept; None where it is, and where it
-    need not be: with an impact, a force without potential, or a row that moves."""
+def energy_error(numeric: NumericSystem, settings: Simulation, start: State, report: RunReport) -> float:
+    """The error of the energy of a run so far, from this start, as a part of the energy exchanged; 0 where it is no
+    larger than that of a run that is right, and where energy need not be kept: with an impact, a force without
+    potential, or a row that moves."""
     counted, extremes = report.statistics, report.extremes
-    exchanged = report.exchanged
-    if not extremes.imbalance > PARAMETERS.tolerances * settings.rtol * exchanged:
-        return None
+    off, exchanged = extremes.imbalance, report.exchanged
+    if not off > TOLERANCES * settings.rtol * exchanged:
+        return 0.0
     if not numeric.is_conservative or counted.tally.impacts or not counted.is_balanced:
-        return None
+        return 0.0
     last = State(report.t, report.q, report.v, start.p)
     forces = [np.array(numeric.force(each.t, each.q, each.v, each.p)[0]).ravel() for each in (start, last)]
     tolerance = settings.rtol * exchanged
@@ -109,22 +72,27 @@ def found(
         tolerance += settings.atol * float(max(np.abs(each).sum() for each in forces) + momentum)
     # The rounding of the energy, of the positions it is taken at and of its terms, in each of the steps.
     moved = [float(np.abs(each * state.q).sum()) for each, state in zip(forces, (start, last), strict=True)]
-    rounding = statistics.LAST_DIGITS * max(1, counted.steps)
-    error = EnergyError(extremes.imbalance, exchanged, tolerance, rounding * (max(moved) + extremes.largest))
-    if error.is_kept:  # the terms of a large system take longer than its run
-        return None
+    of_steps = statistics.LAST_DIGITS * max(1, counted.steps)
+    rounding = of_steps * (max(moved) + extremes.largest)
+    if off <= TOLERANCES * tolerance + rounding:  # the terms of a large system take longer than its run
+        return 0.0
     terms = [float(numeric.energy_terms(each.t, each.q, each.v, each.p)) for each in (start, last)]
-    error = dataclasses.replace(error, rounding=error.rounding + rounding * max(terms))
-    return None if error.is_kept else error
+    rounding += of_steps * max(terms)
+    if off <= TOLERANCES * tolerance + rounding:
+        return 0.0
+    return off / exchanged if exchanged else np.inf
 
 
-Floats = npt.NDArray[np.float64]
-
-MOST_LISTED = 6  # instants reported one by one
-# A condition that is off in accelerations by this part of them, or of what the velocities demand, is left.
-LEFT = 1e-8
-# Conditions that are off by less than this part of the largest are not named.
-MAIN = 0.1
+def energy_warnings(error: float) -> tuple[RunWarning, ...]:
+    """The warning of an energy with this error, none where it is 0."""
+    if not error:
+        return ()
+    sentence = (
+        f"the energy should stay, and is off by {error:.1e} of the energy exchanged: steps have passed over a force, or"
+        " their errors have added up, and the table is wrong by as much; bound the steps (`--max-step`), take more rows"
+        " (`samples`), which see more of a narrow force, or a smaller `rtol`"
+    )
+    return (RunWarning(CODE, sentence),)
 
 
 def remarks(system: System, report: RunReport) -> tuple[str, ...]:
@@ -183,7 +151,7 @@ def amplified(report: RunReport) -> float:
 
 def is_amplified(system: System, report: RunReport) -> bool:
     """True if that is far more than the tolerance allows."""
-    return amplified(report) > PARAMETERS.tolerances * system.model.simulation.rtol
+    return amplified(report) > TOLERANCES * system.model.simulation.rtol
 
 
 def explained(
@@ -224,8 +192,8 @@ def _led_off(system: System, conditions: Sequence[Condition], state: State, a: F
     gamma = np.array(numeric.force(state.t, state.q, state.v, state.p)[1]).ravel()[own]
     off, size = np.abs(rows.times(a) - gamma), rows.divisors * np.abs(a).max(initial=0.0) + np.abs(gamma)
     part = off / np.where(size > 0, size, 1.0)
-    # What other conditions are off then follows from these.
-    least = max(LEFT, MAIN * part.max(initial=0.0))
+    # What other conditions are off then follows from the largest.
+    least = max(doubles.ZERO, MAIN * part.max(initial=0.0))
     left = [one for one, is_left in zip(conditions, part > least, strict=True) if is_left]
     if not left:
         return ""

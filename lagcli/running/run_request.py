@@ -95,17 +95,6 @@ class RunRequest:
                     atomic_file.require_free(pathlib.Path(self.resume))
             return locks.pop_all()
 
-    def picked(self, names: tuple[str, ...], by_name: tuple[str, ...] = ()) -> list[int]:
-        """The numbers of the columns to write. Raises `BadRequest`."""
-        if self.columns is None:
-            return list(range(len(names)))
-        from lagcli.output.tables import table_format
-
-        try:
-            return table_format.select(names, self.columns, by_name)
-        except table_format.UnknownColumn as error:
-            raise BadRequest(f"--columns: {error}") from None
-
     def _files(self) -> Iterator[write_guard.File]:
         """All files of the request, those that belong to others after them."""
         for option, name in (

@@ -19,55 +19,32 @@ import numpy.typing as npt
 from lagcli.frozen import frozen_value
 from lagcli.output.files import atomic_file, interrupts, write_guard
 from lagcli.output.files.write_guard import BadRequest
-from lagcli.output.tables import cell_text, incident_table, provenance, sinks, table_format
-from lagcli.running.run_request import RunRequest
-from lagcli.running.simulation_run import SimulationRun
+from lagcli.output.tables import cell_text, sinks, table_format
+from lagcli.output.tables.incident_table import IncidentColumns
 from lagcli.simulation.run_state import checkpoint
-from lagcli.simulation.run_state.statistics import KINDS, Incident
+from lagcli.simulation.run_state.statistics import Incident
 
 if TYPE_CHECKING:
     from lagcli.output.figures.chart import DecimatedRows
     from lagcli.output.tables.row_file import RowFile, SafeRows
 
+Floats = npt.NDArray[np.float64]
+
 EVERY = 30.0  # seconds
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class SyncedRows:
-    """Rows of a table that are on the disk before a checkpoint is.
-
-    target: the table; step: the distance of its rows; has_event_rows: with rows of the instants of incidents.
-    """
-
-    rows: RowFile
-    target: Path
-    step: float
-    has_event_rows: bool = False
-
-    def record(self, path: Path) -> checkpoint.CheckpointTable:
-        """The words about it in a checkpoint in the file `path`."""
-        written = self.rows.rows
-        # The way from the folder of the checkpoint to the table: both may move together.
-        folder, seen = os.path.dirname(os.path.realpath(path)), os.path.realpath(self.target)
-        with contextlib.suppress(ValueError):  # on two drives
-            seen = os.path.relpath(seen, folder)
-        return checkpoint.CheckpointTable(
-            seen, self.step, written.count, written.checksum, self.has_event_rows
-        )
 
 
 class CheckpointWriter:
     """Keeps the last checkpoint of a run in a file: the first at once, the others now and then, and on request.
 
     So a file that cannot be made is known when the run begins. Later a failure waits for `write`: a full disk may
-    have room again, and the run goes on meanwhile. table, events: rows and incidents, where they go into files.
+    have room again, and the run goes on meanwhile. table, events: of the rows and incidents.
     """
 
     def __init__(
         self,
         path: str | os.PathLike[str],
-        table: SyncedRows | None = None,
-        events: SyncedRows | None = None,
+        table: SafeTable | None = None,
+        events: SafeTable | None = None,
     ) -> None:
         self._path = Path(path)
         self._table, self._events = table, events
@@ -99,7 +76,7 @@ class CheckpointWriter:
             return False
         for rows in (self._table, self._events):
             if rows is not None:
-                rows.rows.sync()
+                rows.sync()
         atomic_file.write(self._path, checkpoint.encoded(self._last), durably=True)
         self._last, self.has_written = None, True
         return True
@@ -115,27 +92,17 @@ class TablePlan:
     """A table that a run shall write.
 
     option: the option that names its file; file: None for standard output; names: its columns; words: those of its
-    columns that hold text, with all texts that may stand there; step: between its rows; has_event_rows: with rows of
-    the instants of incidents; noun: of its rows.
+    columns that hold text, with all texts that may stand there; step: between its rows, 0 where they have none;
+    has_event_rows: with rows of the instants of incidents; noun: of its rows.
     """
 
     option: str
     file: str | None
     names: tuple[str, ...]
     words: Mapping[str, Sequence[str]] = dataclasses.field(default_factory=dict)
-    step: float = 0.0
+    step: float = 0
     has_event_rows: bool = False
     noun: str = "rows"
-
-    @classmethod
-    def of_option(cls, output: str, names: Sequence[str]) -> TablePlan:
-        """The table of `--output`, `-` for standard output."""
-        return cls("--output", None if output == "-" else output, tuple(names))
-
-    @property
-    def texts(self) -> tuple[str, ...]:
-        """The columns of text."""
-        return tuple(self.words)
 
     @property
     def path(self) -> pathlib.Path:
@@ -150,7 +117,7 @@ class TablePlan:
         known = ({word: float(i) for i, word in enumerate(words)} for words in self.words.values())
         coded = {
             name: [codes[text] for text in cells]
-            for name, cells, codes in zip(self.texts, texts, known, strict=True)
+            for name, cells, codes in zip(self.words, texts, known, strict=True)
         }
         numbers = iter(rows.T)
         columns = [coded[name] if name in coded else next(numbers) for name in self.names]
@@ -158,9 +125,9 @@ class TablePlan:
 
     def decoded(self, block: Floats) -> tuple[Floats, list[list[str]]]:
         """The rows and the texts of rows as numbers alone."""
-        texts = []
-        for name, words in self.words.items():
-            texts.append([words[int(i)] for i in block[:, self.names.index(name)]])
+        texts = [
+            [words[int(i)] for i in block[:, self.names.index(name)]] for name, words in self.words.items()
+        ]
         numeric = [i for i, name in enumerate(self.names) if name not in self.words]
         return block if not self.words else np.ascontiguousarray(block[:, numeric]), texts
 
@@ -172,45 +139,57 @@ class RowsBefore:
     path: pathlib.Path
     rows: SafeRows
     t_end: float
-    noun: str
 
 
 class SafeTable:
     """Takes the rows of one table. Everything that ends it is called where interrupts are held back."""
 
-    def __init__(self, sink: sinks.Sink, plan: TablePlan) -> None:
-        self._sink, self._plan = sink, plan
+    def __init__(self, sink: sinks.Sink, plan: TablePlan, first: RowsBefore | None = None) -> None:
+        """first: the rows that it begins with, where the run before has some."""
+        self._sink, self._plan, self.first = sink, plan, first
         self._rows: RowFile | None = None
-        self._before: RowsBefore | None = None
+        self.file = plan.file
 
-    @property
-    def file(self) -> str | None:
-        """The file, None for standard output."""
-        return self._plan.file
-
-    def keep_rows(self, first: RowsBefore | None) -> SyncedRows | None:
+    def keep_rows(self) -> None:
         """Keep the rows beside the table, where it is a file, after those of the run before."""
         plan = self._plan
-        if not self._sink.is_file or plan.file is None:
-            return None
+        if not self._sink.is_file:
+            return
         from lagcli.output.tables import row_file
 
-        self._before = first
         rows = row_file.path_of(plan.path)
         with write_guard.writing(os.fspath(rows)):
-            if first is not None:
-                self._rows = row_file.RowFile(first.path, plan.names, first.rows)
+            if self.first is not None:
+                self._rows = row_file.RowFile(self.first.path, plan.names, self.first.rows)
             else:
                 row_file.require_ours(rows)
                 self._rows = row_file.RowFile(rows, plan.names)
-        return SyncedRows(self._rows, plan.path, plan.step, plan.has_event_rows)
 
-    def begin(self, first: RowsBefore, seen: Callable[[Floats], None] | None) -> None:
+    def sync(self) -> None:
+        """The rows beside the table are on the disk, as they have to be before a checkpoint is."""
+        if self._rows is not None:
+            self._rows.sync()
+
+    def record(self, path: Path) -> checkpoint.CheckpointTable | None:
+        """The words about it in a checkpoint in the file `path`, where rows are kept."""
+        if self._rows is None:
+            return None
+        plan, written = self._plan, self._rows.rows
+        # The way from the folder of the checkpoint to the table: both may move together.
+        folder, seen = os.path.dirname(os.path.realpath(path)), os.fspath(plan.path)
+        with contextlib.suppress(ValueError):  # on two drives
+            seen = os.path.relpath(seen, folder)
+        return checkpoint.CheckpointTable(
+            seen, plan.step, written.count, written.checksum, plan.has_event_rows
+        )
+
+    def begin(self, seen: Callable[[Floats], None] | None) -> None:
         """Begin with the rows of the run before, each block of which is also `seen`."""
+        if self.first is None:
+            return
         from lagcli.output.tables import row_file
 
-        self._before = first
-        for block in row_file.read(first.path, self._plan.names, first.rows):
+        for block in row_file.read(self.first.path, self._plan.names, self.first.rows):
             if seen is not None:
                 with interrupts.window():
                     seen(block)
@@ -233,7 +212,7 @@ class SafeTable:
     def complete(self) -> None:
         """Move the table into its place."""
         with self._writing():
-            self._sink.commit(durably=self._rows is not None or self._before is not None)
+            self._sink.commit(durably=self._rows is not None or self.first is not None)
 
     def leave_rows(self, is_complete: bool) -> None:
         """The last checkpoint is written: rows beside a complete table are needed no more, nor is what a run before
@@ -243,18 +222,15 @@ class SafeTable:
                 self._rows.remove()
             else:
                 self._rows.close()
-        if is_complete and self._before is not None:
-            for left in (self._before.path, atomic_file.partial_of(self._plan.path)):
+        if is_complete and self.first is not None:
+            for left in (self.first.path, atomic_file.partial_of(self._plan.path)):
                 with write_guard.writing(os.fspath(left)):
                     left.unlink(missing_ok=True)
 
     def abandon(self, has_checkpoint: bool) -> None:
         """The run has failed: rows that no checkpoint speaks of are needed no more."""
         if self._rows is not None:
-            if has_checkpoint or self._before is not None:
-                self._rows.close()
-            else:
-                self._rows.remove()
+            (self._rows.close if has_checkpoint or self.first is not None else self._rows.remove)()
 
     def keep(self) -> str:
         """The run has ended before its end: keep what there is; where it is, as a part of a sentence, or nothing."""
@@ -273,7 +249,9 @@ class SafeTable:
 
 
 @contextlib.contextmanager
-def opened_table(plan: TablePlan, provenance: Mapping[str, object]) -> Iterator[SafeTable]:
+def opened_table(
+    plan: TablePlan, provenance: Mapping[str, object], first: RowsBefore | None = None
+) -> Iterator[SafeTable]:
     """A table in a file or on standard output; trouble with it is reported with its name. Raises `BadRequest` where a
     library for its format is missing.
 
@@ -289,17 +267,21 @@ def opened_table(plan: TablePlan, provenance: Mapping[str, object]) -> Iterator[
             is_waiting = file is not None and not atomic_file.is_replaced(pathlib.Path(file))
             try:
                 with interrupts.shielded(interrupts.PATIENCE) if is_waiting else contextlib.nullcontext():
-                    sink = sinks.open_sink(target, plan.names, provenance=provenance, texts=plan.texts)
+                    sink = sinks.open_sink(target, plan.names, provenance=provenance, texts=tuple(plan.words))
             except table_format.MissingExtra as error:
                 raise BadRequest(str(error)) from None
-            yield SafeTable(stack.enter_context(sink), plan)
+            yield SafeTable(stack.enter_context(sink), plan, first)
 
 
-def write(plan: TablePlan, provenance: Mapping[str, object], rows: Floats, is_partial: bool) -> str:
-    """Write the rows of a table, of which there are no others; one of a run that stopped is saved beside the file.
+def write(
+    output: str, names: Sequence[str], rows: Floats, provenance: Mapping[str, object], is_partial: bool
+) -> str:
+    """Write the rows of the table of `--output`, `-` for standard output; one of a run that stopped is saved beside the
+    file.
 
     Returns where that is, as a part of a sentence, or nothing. Raises as `opened_table`, and `WriteError`.
     """
+    plan = TablePlan("--output", None if output == "-" else output, tuple(names))
     with opened_table(plan, provenance) as table:
         table.write(rows)
         if is_partial:
@@ -309,72 +291,46 @@ def write(plan: TablePlan, provenance: Mapping[str, object], rows: Floats, is_pa
     return ""
 
 
-Floats = npt.NDArray[np.float64]
-NO_INCIDENTS: tuple[Incident, ...] = ()
-
-
-def table(run: SimulationRun, request: RunRequest, names: Sequence[str]) -> TablePlan | None:
-    """The table of rows, if one is written."""
-    if request.file is None and not request.to_stdout:
-        return None
-    return TablePlan("--output", request.file, tuple(names), {}, run.grid.step, request.event_rows)
-
-
-def events(run: SimulationRun, request: RunRequest) -> TablePlan | None:
-    """The table of incidents, if one is written. Raises `BadRequest` where two of its columns have one name."""
-    if request.events is None:
-        return None
-    names = run.incident_columns.names
-    twice = [name for name in names if names.count(name) > 1] if len(set(names)) < len(names) else []
-    if twice:
-        raise BadRequest(
-            f"--events {request.events}: two of its columns would be called `{twice[0]}`: rename the particle or the"
-            " constraint"
-        )
-    model = run.model
-    multipliers = [name.removeprefix(incident_table.IMPULSE) for name in names if name.startswith("impulse.")]
-    words = {"kind": KINDS, "name": [*multipliers, *(event.name for event in model.events)]}
-    return TablePlan("--events", request.events_file, names, words, noun="events")
-
-
 class RunTables:
     """Takes the rows and incidents of a run. Everything that ends it is called where interrupts are held back."""
 
-    def __init__(self, run: SimulationRun, rows: SafeTable | None, happened: SafeTable | None) -> None:
-        self._run, self._rows, self._events = run, rows, happened
+    def __init__(
+        self,
+        columns: IncidentColumns,
+        rows: SafeTable | None,
+        events: SafeTable | None,
+        checkpoint_file: str | None,
+    ) -> None:
+        """columns: of incidents; checkpoint_file: where a checkpoint is kept."""
+        self._columns, self._rows, self._events = columns, rows, events
+        self._tables = [each for each in (rows, events) if each is not None]
         self._keeper: CheckpointWriter | None = None
-        self._checkpoint = ""
+        self._checkpoint = checkpoint_file
         self.complete_files: list[str] = []  # that stand in their place
         self.t_end = -math.inf  # time of the last row
 
-    @property
-    def _tables(self) -> list[SafeTable]:
-        return [each for each in (self._rows, self._events) if each is not None]
+    def begin(self, drawn: DecimatedRows | None) -> None:
+        """Begin with the rows and incidents of the run before, which are `drawn` too.
 
-    def keep_checkpoints(self, path: str, first: RowsBefore | None, happened: RowsBefore | None) -> None:
-        """Keep a checkpoint in a file; the rows of tables that are files too are safe at each of them."""
-
-        self._checkpoint = path
-        rows = None if self._rows is None else self._rows.keep_rows(first)
-        incidents = None if self._events is None else self._events.keep_rows(happened)
-        self._keeper = CheckpointWriter(path, rows, incidents)
-
-    def begin(
-        self, first: RowsBefore | None, happened: RowsBefore | None, drawn: DecimatedRows | None
-    ) -> None:
-        """Begin with the rows and incidents of the run before, which are `drawn` too."""
-        if first is not None and self._rows is not None:
-            self._rows.begin(first, None if drawn is None else drawn.add)
-            self.t_end = first.t_end
-        if happened is not None and self._events is not None:
-            self._events.begin(happened, None if drawn is None else drawn.mark)
+        With a checkpoint the rows of tables that are files are safe at each one.
+        """
+        if self._checkpoint is not None:
+            for each in self._tables:
+                each.keep_rows()
+            self._keeper = CheckpointWriter(self._checkpoint, self._rows, self._events)
+        if self._rows is not None:
+            self._rows.begin(None if drawn is None else drawn.add)
+            if self._rows.first is not None:
+                self.t_end = self._rows.first.t_end
+        if self._events is not None:
+            self._events.begin(None if drawn is None else drawn.mark)
 
     def take(
         self,
         block: Floats,
         chosen: Floats,
         point: checkpoint.Checkpoint | None,
-        incidents: Sequence[Incident] = NO_INCIDENTS,
+        incidents: Sequence[Incident],
     ) -> None:
         """A block of the run, its columns that are written, where to go on from after it, and its incidents."""
         if len(block):
@@ -382,9 +338,8 @@ class RunTables:
         if self._rows is not None:
             self._rows.write(chosen)
         if self._events is not None and incidents:
-            columns = self._run.incident_columns
-            self._events.write(columns.numbers(incidents), columns.words(incidents))
-        if self._keeper is not None and point is not None:
+            self._events.write(self._columns.numbers(incidents), self._columns.words(incidents))
+        if self._keeper is not None and self._checkpoint is not None and point is not None:
             with write_guard.writing(self._checkpoint):
                 self._keeper.take(point)
 
@@ -420,7 +375,7 @@ class RunTables:
         return ", ".join(filter(None, saved))
 
     def _keep_checkpoint(self) -> None:
-        if self._keeper is not None:
+        if self._keeper is not None and self._checkpoint is not None:
             with write_guard.writing(self._checkpoint):
                 self._keeper.write()
 
@@ -428,20 +383,3 @@ class RunTables:
 def completed(files: Sequence[str]) -> str:
     """The words on files that are complete."""
     return f"{' and '.join(files)} {'is' if len(files) == 1 else 'are'} complete"
-
-
-@contextlib.contextmanager
-def opened(run: SimulationRun, rows: TablePlan | None, happened: TablePlan | None) -> Iterator[RunTables]:
-    """The tables in files, on standard output, or nowhere; trouble with one is reported with its name.
-
-    Interrupts are held back inside but in `interrupts.window`.
-    """
-    whence = provenance.of(run.model).as_json()
-    with contextlib.ExitStack() as stack, interrupts.shielded():
-        tables = [
-            None if plan is None else stack.enter_context(opened_table(plan, whence))
-            for plan in (rows, happened)
-        ]
-        made = RunTables(run, tables[0], tables[1])
-        with atomic_file.undone_by(made.abandon):
-            yield made

@@ -18,7 +18,6 @@ from lagcli.output.tables import incident_table, provenance
 from lagcli.output.tables.incident_table import IncidentColumns
 from lagcli.running import run_remarks, table_columns
 from lagcli.running.run_account import Outcome, Stats, Stopped
-from lagcli.running.run_remarks import EnergyError
 from lagcli.running.table_columns import GeneralizedForces
 from lagcli.simulation.run_entry import RunInBlocks, RunReport
 from lagcli.simulation.run_state import checkpoint as checkpoints
@@ -160,12 +159,11 @@ class SimulationRun:
         floors = self._floors
         kinds = zip(KINDS, self._run.reference.columns_of_kinds, strict=True)
         zero = frozenset(k for k, at in kinds if floors.are_zero(at))
-        energy, parted = self._energy_error, found.parted
+        parted = found.parted
         # Beside dependent rows, which the notes name, runs go apart by their rounding.
         if parted is not None and parted[1] >= found.t and run_remarks.is_amplified(self.built, self.report):
             parted = None
-        energy_error = 0.0 if energy is None else energy.part
-        return dataclasses.replace(found, zero=zero, parted=parted, energy_error=energy_error)
+        return dataclasses.replace(found, zero=zero, parted=parted, energy_error=self._energy_error)
 
     @property
     def skipped_rows(self) -> int:
@@ -194,7 +192,7 @@ class SimulationRun:
     @property
     def stats(self) -> Stats:
         """The account so far; of a resumed run it covers the whole, but for the seconds."""
-        report, energy, system = self.report, self._energy_error, self.built
+        report, system = self.report, self.built
         chosen, statistics = self.model.simulation, report.statistics
         extremes, tally = report.extremes, statistics.reported
         return Stats(
@@ -222,9 +220,9 @@ class SimulationRun:
             tally.releases,
             tally.accumulations,
             report.largest_penetration,
-            () if energy is None else (energy.warning,),
+            run_remarks.energy_warnings(self._energy_error),
         )
 
     @property
-    def _energy_error(self) -> EnergyError | None:
-        return run_remarks.found(self.numeric, self.model.simulation, self.begin, self.report)
+    def _energy_error(self) -> float:
+        return run_remarks.energy_error(self.numeric, self.model.simulation, self.begin, self.report)

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-SHOWN = 12  # names of columns in a repr: two or three lines of a terminal
-
 
 class Trajectory(dict[str, Floats]):
     """The table of a run: a mapping from the names of its columns to arrays (T,), in the order of the table.
@@ -76,7 +74,8 @@ class Trajectory(dict[str, Floats]):
         times = (
             f", t = {self.rows[0, 0]:g} to {self.rows[-1, 0]:g}" if count and "t" in self.columns[:1] else ""
         )
-        names = ", ".join(self.columns[:SHOWN]) + (", ..." if len(self.columns) > SHOWN else "")
+        names = ", ".join(self.columns[: diagnostics.MAX_LISTED])
+        names += ", ..." if len(self.columns) > diagnostics.MAX_LISTED else ""
         return f"<Trajectory: {count} rows of {len(self.columns)} columns{times}: {names}>"
 
     def to_pandas(self) -> Any:

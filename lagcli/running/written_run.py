@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import itertools
 import json
@@ -13,33 +14,23 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from lagcli.output.files import atomic_file, formats, interrupts, write_guard
 from lagcli.output.files.write_guard import BadRequest, WriteError
-from lagcli.output.tables import incident_table
+from lagcli.output.tables import incident_table, provenance
 from lagcli.running import run_tables
 from lagcli.running.run_account import INTERRUPTED, NOT_WRITTEN, Outcome, Stats, Stopped
 from lagcli.running.run_request import RunRequest
-from lagcli.running.run_tables import RowsBefore, RunTables
+from lagcli.running.run_tables import RowsBefore, RunTables, TablePlan
 from lagcli.running.simulation_run import SimulationRun
 from lagcli.simulation.run_state import checkpoint, run_stop
+from lagcli.simulation.run_state.statistics import KINDS
 from lagcli.simulation.scheme import step_tolerance
 
 if TYPE_CHECKING:
     from lagcli.output.figures.chart import DecimatedRows
 
 
-class WrittenRunParameters:
-    """Messages on a run before it is written.
-
-    The tests are of `tests/cli/test_outputs.py`.
-    """
-
-    __slots__ = ()
-
-    large: int = 10**9
-    """Bytes of the numbers of a table of which the size is told: a part of a usual disk that is missed. At 1e8 and
-    1e10 `test_the_size_of_a_large_table_is_told_before_it_is_written` fails."""
-
-
-PARAMETERS = WrittenRunParameters()
+LARGE = (
+    10**9
+)  # bytes of the numbers of a table of which the size is told: a part of a usual disk that is missed
 
 
 class RunEnding(NamedTuple):
@@ -60,7 +51,7 @@ RunStep: TypeAlias = float | str | RunEnding
 class WrittenRun:
     """A run and the files it goes into: iterate `steps` once; all else is data.
 
-    printed: what there is to print before it begins; start, end: the times of its first and last row; is_stdout_taken:
+    messages: what there is to print before it begins; start, end: the times of its first and last row; is_stdout_taken:
     a table goes to standard output.
     """
 
@@ -72,11 +63,22 @@ class WrittenRun:
             run.add_event_rows()
         # Columns that are given by name alone are looked for where columns are named.
         by_name = () if request.columns is None else run.by_name
-        self._picked = request.picked(run.columns, by_name)
+        self._picked = list(range(len(run.columns)))
+        if request.columns is not None:
+            from lagcli.output.tables import table_format
+
+            try:
+                self._picked = table_format.select(run.columns, request.columns, by_name)
+            except table_format.UnknownColumn as error:
+                raise BadRequest(f"--columns: {error}") from None
         everything = (*run.columns, *by_name)
         self._names = tuple(everything[i] for i in self._picked)
-        self._table = run_tables.table(run, request, self._names)
-        self._events = run_tables.events(run, request)
+        self._table: TablePlan | None = None
+        if request.file is not None or request.to_stdout:
+            self._table = TablePlan(
+                "--output", request.file, self._names, {}, run.grid.step, request.event_rows
+            )
+        self._events = None if request.events is None else self._plan_of_events(request.events)
         self._is_over = False  # every file of it is complete
         with request.locked() as locks:
             self._first, self._happened = self._before()
@@ -89,6 +91,20 @@ class WrittenRun:
         self.start, self.end = run.grid.start, run.grid.end
         self.is_stdout_taken = request.is_stdout_taken
         self.messages = () if request.quiet else tuple(self._beginning())
+
+    def _plan_of_events(self, file: str) -> TablePlan:
+        """The table of incidents. Raises `BadRequest` where two of its columns have one name."""
+        names, model = self._run.incident_columns.names, self._run.model
+        twice = [name for name in names if names.count(name) > 1] if len(set(names)) < len(names) else []
+        if twice:
+            raise BadRequest(
+                f"--events {file}: two of its columns would be called `{twice[0]}`: rename the particle or the"
+                " constraint"
+            )
+        impulse = incident_table.IMPULSE
+        multipliers = [name.removeprefix(impulse) for name in names if name.startswith(impulse)]
+        words = {"kind": KINDS, "name": [*multipliers, *(event.name for event in model.events)]}
+        return TablePlan("--events", self._request.events_file, names, words, noun="events")
 
     def _before(self) -> tuple[RowsBefore | None, RowsBefore | None]:
         """The rows and the incidents of the run before, with which the tables of a run that is resumed begin."""
@@ -125,17 +141,16 @@ class WrittenRun:
         if run.resumed is not None and request.resume is not None:
             from lagcli.running import rows_before
 
-            for file, first, field in (
-                (request.file, self._first, "table"),
+            for file, first, noun in (
+                (request.file, self._first, "rows"),
                 (request.events_file, self._happened, "events"),
             ):
-                lost = "" if first is not None else rows_before.elsewhere(run.resumed, request.resume, field)
                 if first is not None:
                     yield (
-                        f"note: {file} begins with the {first.rows.count} {first.noun} up to t = {first.t_end:.9g} of"
+                        f"note: {file} begins with the {first.rows.count} {noun} up to t = {first.t_end:.9g} of"
                         f" the run before, from {first.path}"
                     )
-                elif lost:
+                elif lost := rows_before.elsewhere(run.resumed, request.resume, noun):
                     yield f"note: {lost}"
             state = run.resumed.run_state
             is_drawn = self._first is not None and self._happened is None and request.plot is not None
@@ -150,7 +165,7 @@ class WrittenRun:
 
             yield from consistent_start.moves(model, run.assembly).lines(model.units)
         size = 8 * run.grid.count * len(self._names)
-        if self._table is not None and size > PARAMETERS.large:
+        if self._table is not None and size > LARGE:
             yield (
                 f"note: {run.grid.count} rows of {len(self._names)} columns are {size / 10**9:.3g} GB of numbers;"
                 " --samples, --output-step and --columns ask for fewer"
@@ -213,27 +228,32 @@ class WrittenRun:
     def _tables(self, decimated: DecimatedRows | None) -> Iterator[RunStep]:
         """Write the tables, and keep what is drawn."""
         request = self._request
-        with run_tables.opened(self._run, self._table, self._events) as tables:
-            self._complete_files = tables.complete_files
-            if request.checkpoint is not None:
-                tables.keep_checkpoints(request.checkpoint, self._first, self._happened)
-            is_drawn = self._names == self._run.columns and self._first is not None
-            tables.begin(self._first, self._happened, decimated if is_drawn else None)
-            try:
-                yield from self._rows(tables, decimated)
-            except run_stop.RunStop as stop:
-                self._reason = stop.stop.reason
-                if saved_in := tables.keep():
-                    interrupts.leave(f"lagcli: interrupted; {saved_in}")
-                    yield f"lagcli: {saved_in}"
-            except interrupts.Interrupted:
-                if tables.t_end == self._run.end:
-                    tables.complete()
-                elif saved_in := tables.keep():
-                    yield f"lagcli: interrupted; {saved_in}"
-                raise
-            else:
-                tables.complete(self._run.outcome.rows - self._elsewhere)
+        whence = provenance.of(self._run.model).as_json()
+        with contextlib.ExitStack() as stack, interrupts.shielded():
+            rows, events = (
+                None if plan is None else stack.enter_context(run_tables.opened_table(plan, whence, first))
+                for plan, first in ((self._table, self._first), (self._events, self._happened))
+            )
+            tables = RunTables(self._run.incident_columns, rows, events, request.checkpoint)
+            with atomic_file.undone_by(tables.abandon):
+                self._complete_files = tables.complete_files
+                is_drawn = self._names == self._run.columns and self._first is not None
+                tables.begin(decimated if is_drawn else None)
+                try:
+                    yield from self._rows(tables, decimated)
+                except run_stop.RunStop as stop:
+                    self._reason = stop.stop.reason
+                    if saved_in := tables.keep():
+                        interrupts.leave(f"lagcli: interrupted; {saved_in}")
+                        yield f"lagcli: {saved_in}"
+                except interrupts.Interrupted:
+                    if tables.t_end == self._run.end:
+                        tables.complete()
+                    elif saved_in := tables.keep():
+                        yield f"lagcli: interrupted; {saved_in}"
+                    raise
+                else:
+                    tables.complete(self._run.outcome.rows - self._elsewhere)
 
     def _rows(self, tables: RunTables, decimated: DecimatedRows | None) -> Iterator[float]:
         """Pass the blocks on as they come. Raises `run_stop.RunStop` where the run stops before its end.
@@ -335,14 +355,7 @@ class WrittenRun:
         with interrupts.shielded(interrupts.PATIENCE):
             if request.stats is not None:
                 with write_guard.writing(request.stats):
-                    _write_json(request.stats, stats.as_json())
+                    text = json.dumps(stats.as_json(), indent=2, allow_nan=False)
+                    atomic_file.write(pathlib.Path(request.stats), f"{text}\n".encode())
             if request.as_json and not request.is_stdout_taken:
                 print(formats.json_line(stats.as_json()), flush=True)
-
-
-def _write_json(path: str, value: dict[str, object]) -> None:
-    file = atomic_file.PendingFile(pathlib.Path(path))
-    with atomic_file.undone_by(file.discard):
-        text = json.dumps(value, indent=2, allow_nan=False)
-        file.path.write_text(text + "\n", encoding="utf-8")
-    file.commit()

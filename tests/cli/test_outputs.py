@@ -420,7 +420,7 @@ def test_where_the_last_checkpoint_cannot_be_written_the_tables_are_named(tmp_pa
 
 
 def test_where_the_account_cannot_be_written_the_table_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr(written_run, "_write_json", full)
+    monkeypatch.setattr(written_run.atomic_file, "write", full)
     done, left = ended(tmp_path, ("-o", "t.csv", "--stats", "s.json"))
     assert done.returncode == 74
     assert "lagcli: t.csv is complete" in done.stderr

@@ -296,20 +296,22 @@ def test_the_rows_are_on_the_disk_before_the_checkpoint_is(here, monkeypatch):
     )
     model = lagcli.load("m.yaml")
     running = prepare_run.start(model, model.simulation)
-    rows = row_file.RowFile(here / "run.csv.rows", running.columns)
-    kept = run_tables.SyncedRows(rows, here / "run.csv", running.grid.step)
-    keeper = run_tables.CheckpointWriter(here / "ck", kept)
-    order.clear()
-    block = next(running.blocks())
-    rows.write(block)
-    keeper.take(running.checkpoint())
+    plan = run_tables.TablePlan("--output", "run.csv", running.columns, step=running.grid.step)
+    with run_tables.opened_table(plan, {}) as table:
+        table.keep_rows()
+        keeper = run_tables.CheckpointWriter(here / "ck", table)
+        order.clear()
+        block = next(running.blocks())
+        table.write(block)
+        keeper.take(running.checkpoint())
+        of_checkpoint = list(order)
+        table.leave_rows(is_complete=False)
     # The rows, their number, then the checkpoint, its file and its name.
-    assert order[:3] == ["sync", "sync", "move"]
-    assert order[3:] == ["sync", "sync"][: 1 + (os.name == "posix")]
+    assert of_checkpoint[:3] == ["sync", "sync", "move"]
+    assert of_checkpoint[3:] == ["sync", "sync"][: 1 + (os.name == "posix")]
     assert checkpoint.read("ck").table == checkpoint.CheckpointTable(
-        "run.csv", 0.01, len(block), rows.rows.checksum
+        "run.csv", 0.01, len(block), row_file.of_rows(running.columns, block).checksum
     )
-    rows.close()
 
 
 def test_a_checkpoint_costs_the_same_however_many_rows_there_are(here, monkeypatch):

@@ -18,7 +18,6 @@ import lagcli
 from lagcli.compiled import narrow_arguments
 from lagcli.equations import narrow_functions, operation_rules
 from lagcli.input import document
-from lagcli.running.run_remarks import EnergyError
 from tests.helpers import in_process
 
 Floats = npt.NDArray[np.float64]
@@ -391,14 +390,6 @@ def test_rounding_of_energies_and_what_takes_energy_is_no_reason_for_a_warning(
 ) -> None:
     run = lagcli.simulate(lagcli.loads(f"lagcli: 1\nparticles: {{a: {{mass: 1, {particle}}}}}\n{rest}\n"))
     assert run.stats.warnings == ()
-
-
-def test_an_energy_is_not_kept_from_a_thousand_tolerances_on() -> None:
-    assert EnergyError(2e-9, 1.0, 1e-11, 0.0).is_kept
-    assert not EnergyError(3e-8, 1.0, 1e-11, 0.0).is_kept
-    # Energies of 1e20, of which rounding leaves more than what is exchanged.
-    assert EnergyError(3e4, 1e-3, 1e-14, 3.5e5).is_kept
-    assert EnergyError(0.0, 0.0, 0.0, 0.0).is_kept
 
 
 # Beside a pole of velocities.
