@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import numpy.typing as npt
 
+from lagcli import doubles
 from lagcli.api import run_settings, simulate
 from lagcli.api.load import Path, as_model
 from lagcli.auditing.evidence.laws import ModelLaws
@@ -37,15 +38,11 @@ ROUND_TRIPS = 6  # until a scene is small enough
 FRAMES = 49  # of one period, both ends counted
 SWING = 0.12  # of the size of the system: the largest way that a particle goes
 LARGEST = 0.6  # of an angle, and of a coordinate that moves nothing
-TRIED = 1e-6  # of a coordinate: the step in which the way of the particles is measured
 MOST_MODES = 60  # as many as `modes` prints
 
 
 def of_model(model: Model | Path, settings: Mapping[str, object]) -> Scene:
-    """The scene of a run of a model; settings: keywords of `simulate`.
-
-    Raises what `simulate` raises, and `builder.NothingToShow`.
-    """
+    """The scene of a run of a model; settings: keywords of `simulate`, which raises too; `builder.NothingToShow`."""
     model = as_model(model)
     require_few(model)
     return of_run(model, dict(simulate.simulate(model, **settings)))  # type: ignore[arg-type]
@@ -70,13 +67,6 @@ def require_few(model: Model) -> None:
     count = len(model.particle_names)
     if count > MOST_PARTICLES:
         raise NothingToShow(f"the model has {count} particles; an animation shows up to {MOST_PARTICLES}")
-
-
-def of_run(model: Model, table: Table) -> Scene:
-    """The scene of the table of a run of a model."""
-    title = model.title or pathlib.Path(model.path).stem
-    unit = labels.force_unit(model.units)
-    return _fitting(table, model, title, (model.units.time, unit))
 
 
 def of_file(path: Path, model: Model | None) -> Scene:
@@ -112,7 +102,7 @@ def of_file(path: Path, model: Model | None) -> Scene:
     if np.any(np.diff(table["t"]) < 0):
         raise NothingToShow(f"{path}: its times do not increase")
     if model is None:
-        return _fitting(table, None, pathlib.Path(path).stem, ("", ""))
+        return of_run(None, table, pathlib.Path(path).stem)
     require_few(model)
     laws = ModelLaws(model)
     known = {f"lambda.{row}" for row in (*laws.rows, *laws.contacts)}
@@ -124,8 +114,12 @@ def of_file(path: Path, model: Model | None) -> Scene:
     return of_run(model, table)
 
 
-def _fitting(table: Table, model: Model | None, title: str, units: tuple[str, str]) -> Scene:
-    """The scene with as many instants as a page has room for."""
+def of_run(model: Model | None, table: Table, title: str = "") -> Scene:
+    """The scene of the table of a run, of a model where it is known, with as many instants as a page has room for."""
+    units = ("", "")
+    if model is not None:
+        title = model.title or pathlib.Path(model.path).stem
+        units = model.units.time, labels.force_unit(model.units)
     plenty = len(table["t"])
     frames, parts = min(plenty, MOST_FRAMES), {"R": True, "F": True}
     room = (page.MOST_BYTES - page.fixed_bytes()) * 0.97
@@ -157,24 +151,18 @@ def _scene(
     table: Table, model: Model | None, title: str, units: tuple[str, str], parts: Mapping[str, bool]
 ) -> Scene:
     names = model.particle_names if model is not None else builder.particles_in(tuple(table))
+    drawn = model if names else None
     if model is None or names:
         found = builder.of_particles(names, table)
     else:
         found = builder.of_coordinates(model.generalized_names, table)
     notes = [found.note] if found.note else []
-    multipliers = [
-        TimeCurve(name.removeprefix("lambda."), values)
-        for name, values in table.items()
-        if name.startswith("lambda.")
-    ]
-    largest = sorted(
-        multipliers, key=lambda curve: -float(np.nan_to_num(np.abs(curve.values)).max(initial=0.0))
-    )
-    shown = {curve.name for curve in largest[:MOST_CURVES]}
-    if len(multipliers) > MOST_CURVES:
-        notes.append(f"the {MOST_CURVES} largest of {len(multipliers)} multipliers are shown")
+    lam = {name: values for name, values in table.items() if name.startswith("lambda.")}
+    sizes = {name: -float(np.nan_to_num(np.abs(values)).max(initial=0.0)) for name, values in lam.items()}
+    shown = set(sorted(sizes, key=sizes.__getitem__)[:MOST_CURVES])
+    if len(lam) > MOST_CURVES:
+        notes.append(f"the {MOST_CURVES} largest of {len(lam)} multipliers are shown")
     R = found.reactions(table) if parts["R"] else None
-    drawn = model if model is not None and model.particle_names else None
     if model is not None and drawn is None:
         notes += builder.unseen(model, set())
     motion = Motion(
@@ -183,7 +171,7 @@ def _scene(
         particles=found.track,
         R=None if R is None else np.nan_to_num(R),
         F=forces(drawn, table) if drawn is not None and parts["F"] else None,
-        curves=tuple(curve for curve in multipliers if curve.name in shown),
+        curves=tuple(TimeCurve(name.removeprefix("lambda."), lam[name]) for name in lam if name in shown),
         notes=tuple(notes),
         guide_lines=found.guide_lines,
         ties=tuple(ties(drawn)) if drawn is not None else (),
@@ -253,7 +241,18 @@ def of_modes(model: Model, found: Modes) -> Scene:
     size = scene.size(rest.points)
     modes = []
     for name, note, swings, shape in _described(found):
-        moved = _swinging(model, q + _amplitude(model, q, shape, size) * np.imag(turns * shape), rest.notes)
+        # The particles go as far as is good to look at.
+        largest = float(np.abs(shape).max(initial=0.0)) or 1.0
+        amplitude = LARGEST / largest
+        if model.particle_names:
+            step = doubles.STEP * max(1.0, float(np.abs(q).max(initial=0.0))) / largest
+            tried = np.concatenate([q[None], q + np.stack([shape.real, shape.imag]) * step])
+            track = positions(model, np.full(3, model.simulation.start), tried)
+            way = float(np.linalg.norm(track[1:] - track[0], axis=-1).max(initial=0.0)) / step
+            generalized = np.abs(shape[len(q) - len(model.generalized_names) :]).max(initial=0.0)
+            limit = LARGEST / float(generalized) if generalized else np.inf
+            amplitude = min(SWING * size / way if way > 0 else amplitude, limit)
+        moved = _swinging(model, q + amplitude * np.imag(turns * shape), rest.notes)
         wide = [np.broadcast_to(track, (FRAMES, 3)) for track in moved.points]
         modes.append(Mode(name, note, swings, np.stack(wide, axis=1)))
     seen = scene.view([mode.points.reshape(-1, 3) for mode in modes], -rest.view.up)
@@ -280,24 +279,6 @@ def _swinging(model: Model, q: Floats, notes: tuple[str, ...]) -> Scene:
         is_run=False,
     )
     return builder.scene_of(motion, drawn, model.title or pathlib.Path(model.path).stem, ("", ""))
-
-
-def _amplitude(model: Model, q: Floats, shape: Complex, size: float) -> float:
-    """The factor of a shape with which the particles go as far as is good to look at."""
-    largest = float(np.abs(shape).max(initial=0.0)) or 1.0
-    if not model.particle_names:
-        return LARGEST / largest
-    parts = np.stack([shape.real, shape.imag]) * (
-        TRIED * max(1.0, float(np.abs(q).max(initial=0.0))) / largest
-    )
-    step = float(np.abs(parts).max()) / largest
-    t = np.full(3, model.simulation.start)
-    track = positions(model, t, np.concatenate([q[None], q + parts]))
-    way = float(np.linalg.norm(track[1:] - track[0], axis=-1).max(initial=0.0)) / step
-    generalized = np.abs(shape[len(q) - len(model.generalized_names) :]).max(initial=0.0)
-    limit = LARGEST / float(generalized) if generalized else np.inf
-    wanted = SWING * size / way if way > 0 else LARGEST / largest
-    return float(min(wanted, limit))
 
 
 def _described(found: Modes) -> Iterator[tuple[str, str, bool, Complex]]:
