@@ -165,28 +165,48 @@ def _table(name: str, run: SimulationRun) -> Formulation:
 
 
 def _with_principles(
-    found: Comparison, run: SimulationRun, kinds: Mapping[str, str], mu: Mapping[str, float | str]
+    found: Comparison, run: SimulationRun, compared: Mapping[str, str], given: Mapping[str, float | str]
 ) -> Comparison:
-    """The comparison with the vakonomic motion after the others."""
-    first = found.formulations[0]
-    vakonomic, principles, notes = _vakonomic(run, first, mu)
-    near = np.zeros(len(first.table), dtype=bool)
+    """The comparison with the vakonomic motion after the others.
+
+    given: mu at the start of differential rows, zero for the others. Raises `OverrideError` for mu of a row there is
+    not, otherwise as `_vakonomic`.
+    """
+    # Most comparisons are of one principle.
+    from lagcli.analysis.classification import classify
+
+    built, model, first = run.built, run.model, found.formulations[0]
+    names = [row.name for row in built.rows.rows[built.holonomic_count :]]
+    mu = dict.fromkeys(names, 0.0)
+    for name, value in given.items():
+        if name not in mu:
+            raise OverrideError(f"--mu {name}: {_no_differential_row(model, name, names)}")
+        mu[name] = given_expression.number(model, f"--mu {name}", value)
+    vakonomic, left_out, notes = _vakonomic(run, first, mu)
     shared = {
         name: kind
-        for name, kind in kinds.items()
+        for name, kind in compared.items()
         if kind in comparison.COMPARED and name in vakonomic.columns
     }
-    agreement = comparison.compare(shared, first, vakonomic, near)
-    principles = dataclasses.replace(
-        principles,
+    agreement = comparison.compare(shared, first, vakonomic, np.zeros(len(first.table), dtype=bool))
+    kinds: dict[str, str] = {}
+    if names:
+        verdicts = classify.classified(built, run.numeric, model_settings.LIMIT).found.verdicts
+        kinds = {verdict.row: verdict.kind for verdict in verdicts}
+    principles = Principles(
+        mu=mu,
+        integrable=tuple(n for n in names if kinds.get(n) in ("exact", "integrable", "jointly-integrable")),
+        nonholonomic=tuple(n for n in names if kinds.get(n) == "nonholonomic"),
+        undecided=tuple(n for n in names if kinds.get(n, "undecided") == "undecided"),
         tolerance=found.tolerance,
         digits=comparison.digits_of_motion(agreement),
-        until=min(first.reached, vakonomic.reached) if first.stopped or vakonomic.stopped else None,
         parting=comparison.parting(shared, first, vakonomic, found.tolerance),
+        left_out=left_out,
+        until=min(first.reached, vakonomic.reached) if first.stopped or vakonomic.stopped else None,
     )
     if vakonomic.stopped:
         notes.append(f"the vakonomic motion {vakonomic.stopped}")
-    reducible = formulation_plan.is_reducible(run.model, first.rows, first.coordinates)
+    reducible = formulation_plan.is_reducible(model, first.rows, first.coordinates)
     if reducible and first.coordinates > MOST_REDUCED:
         notes.append(
             "the reduction by the null space is left out beside the vakonomic motion above"
@@ -203,25 +223,16 @@ def _with_principles(
 
 @progress.phase("following the other principle")
 def _vakonomic(
-    run: SimulationRun, first: Formulation, given: Mapping[str, float | str]
-) -> tuple[Formulation, Principles, list[str]]:
-    """The vakonomic motion from the start of a run whose table is `first`, what is known of the two, and notes.
+    run: SimulationRun, first: Formulation, mu: Mapping[str, float]
+) -> tuple[Formulation, tuple[str, ...], list[str]]:
+    """The vakonomic motion from the start of a run whose table is `first`, outputs without a value in it, and notes.
 
-    given: mu at the start of differential rows, zero for the others. Raises `ModelError` for forces without a
-    potential, one-sided rows, rows that are too many, and `OverrideError` for mu of a row there is not.
+    Raises `ModelError` for forces without a potential, one-sided rows, hidden conditions and rows that are too many.
     """
-    # Most comparisons are of one principle.
-    from lagcli.analysis.classification import classify
     from lagcli.formulations import vakonomic_system
 
     built, model = run.built, run.model
     differential = built.rows.rows[built.holonomic_count :]
-    names = [row.name for row in differential]
-    mu = dict.fromkeys(names, 0.0)
-    for name, value in given.items():
-        if name not in mu:
-            raise OverrideError(f"--mu {name}: {_no_differential_row(model, name, names)}")
-        mu[name] = given_expression.number(model, f"--mu {name}", value)
     t, q, v = (part[0] for part in table_columns.States(model, run.columns)(first.table[:1]))
     vakonomic_system.require_action(built, float(t), q, run.parameters)
     for condition in run.conditions:
@@ -232,9 +243,9 @@ def _vakonomic(
         )
         hint = "write the condition under `holonomic` in its place"
         raise diagnostics.error("not-of-an-action", message, where, hint)
-    if not names:
-        return dataclasses.replace(first, name="vakonomic"), Principles({}, (), (), (), 0.0), []
-    values = np.array([mu[name] for name in names])
+    if not differential:
+        return dataclasses.replace(first, name="vakonomic"), (), []
+    values = np.array(list(mu.values()))
     independent = tuple(i for i in run.report.selection.independent if i < len(built.rows.rows))
     start = vakonomic_system.VakonomicStart(float(t), q, v, values, independent)
     start = dataclasses.replace(start, mu=vakonomic_system.effective(built, start))
@@ -247,30 +258,18 @@ def _vakonomic(
         message = "the vakonomic equations are too large: the rows are too many to be solved for mu'"
         message += " in written-out form"
         raise diagnostics.error("too-large-to-build", message, where, "model fewer members") from None
-    vakonomic = _table("vakonomic", prepare_run.start_compiled(ready, KnownIntegrals(run.integrals)))
-    columns, indices = vakonomic_system.table(vakonomic.columns, model, differential)
-    vakonomic = dataclasses.replace(
-        vakonomic,
+    found = _table("vakonomic", prepare_run.start_compiled(ready, KnownIntegrals(run.integrals)))
+    columns, indices = vakonomic_system.table(found.columns, model, differential)
+    found = dataclasses.replace(
+        found,
         path=first.path,
         coordinates=first.coordinates,
         freedoms=first.freedoms,
         columns=tuple(columns),
-        table=vakonomic.table[:, indices],
-    )
-    verdicts = classify.classified(built, run.numeric, model_settings.LIMIT).found.verdicts
-    kinds = {verdict.row: verdict.kind for verdict in verdicts}
-    principles = Principles(
-        mu=mu,
-        integrable=tuple(n for n in names if kinds.get(n) in ("exact", "integrable", "jointly-integrable")),
-        nonholonomic=tuple(n for n in names if kinds.get(n) == "nonholonomic"),
-        undecided=tuple(n for n in names if kinds.get(n, "undecided") == "undecided"),
-        tolerance=0.0,
-        left_out=left_out,
+        table=found.table[:, indices],
     )
     notes = []
-    moved = [
-        f"{name} {new:.6g}" for name, new, old in zip(names, start.mu, values, strict=True) if new != old
-    ]
+    moved = [f"{name} {new:.6g}" for name, new, old in zip(mu, start.mu, values, strict=True) if new != old]
     if moved:
         notes.append(
             "differential rows follow from others, and their initial mu is carried by those: mu begins as "
@@ -281,7 +280,7 @@ def _vakonomic(
             "without a value in vakonomic motion, for they read multipliers of differential rows or whole reactions:"
             f" {', '.join(left_out)}"
         )
-    return vakonomic, principles, notes
+    return found, left_out, notes
 
 
 def _no_differential_row(model: Model, name: str, rows: Sequence[str]) -> str:

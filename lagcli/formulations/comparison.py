@@ -248,10 +248,7 @@ class Comparison:
 
 def kinds(model: Model, columns: Sequence[str]) -> dict[str, str]:
     """Column -> one of `KINDS`, by what it is in this model; time is left out."""
-    generalized = model.generalized_names
-    positions = {f"{name}.{axis}" for name in model.particle_names for axis in "xyz"} | set(generalized)
-    speeds = {f"{name}.v{axis}" for name in model.particle_names for axis in "xyz"}
-    speeds |= {f"rate({name})" for name in generalized}
+    positions, speeds = map(frozenset, model.state_columns)
     outputs = {column for output in model.outputs for column in output.columns}
     found = {}
     for column in columns:

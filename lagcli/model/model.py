@@ -403,6 +403,16 @@ class Model:
         cartesian = (name for p in self.particles if not p.is_dependent for name in p.members.names)
         return (*(f"{name}.{axis}" for name in cartesian for axis in "xyz"), *self.generalized_names)
 
+    @property
+    def state_columns(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """The columns of tables that hold positions and coordinates, and those of velocities and rates."""
+        particles, generalized = self.particle_names, self.generalized_names
+        rates = (f"rate({name})" for name in generalized)
+        return (
+            (*(f"{name}.{axis}" for name in particles for axis in "xyz"), *generalized),
+            (*(f"{name}.v{axis}" for name in particles for axis in "xyz"), *rates),
+        )
+
     def location(self, coordinate: str) -> diagnostics.Location:
         """The location at which one of `coordinate_names` was declared."""
         for entry in self.coordinates:

@@ -43,13 +43,8 @@ class States:
 def size(model: Model, columns: Sequence[str], rows: Floats) -> float:
     """The largest position or the largest speed in a table (T, columns), what is smaller, but not zero; 1 where nothing
     moves at the origin, and where no such column is there."""
-    particles, generalized = model.particle_names, model.generalized_names
-    kinds = (
-        {*(f"{name}.{axis}" for name in particles for axis in "xyz"), *generalized},
-        {*(f"{name}.v{axis}" for name in particles for axis in "xyz"), *(f"rate({q})" for q in generalized)},
-    )
     found = []
-    for kind in kinds:
+    for kind in map(frozenset, model.state_columns):
         values = np.abs(rows[:, [i for i, name in enumerate(columns) if name in kind]])
         found.append(float(values[np.isfinite(values)].max(initial=0.0)))
     return min(filter(None, found), default=1.0)

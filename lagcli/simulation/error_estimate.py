@@ -271,8 +271,7 @@ def columns_of_kinds(system: System) -> tuple[list[int], ...]:
     at = {name: i for i, name in enumerate(system.columns, 1)}
     particles, generalized = system.model.particle_names, system.model.generalized_names
     named = (
-        (*(f"{name}.{axis}" for name in particles for axis in "xyz"), *generalized),
-        (*(f"{name}.v{axis}" for name in particles for axis in "xyz"), *(f"rate({q})" for q in generalized)),
+        *system.model.state_columns,
         tuple(f"lambda.{row.name}" for row in system.rows.rows),
         (*(f"R.{name}.{axis}" for name in particles for axis in "xyz"), *(f"R.{q}" for q in generalized)),
     )

@@ -60,10 +60,7 @@ class IncidentColumns:
 
 def columns(model: Model, columns: Sequence[str]) -> IncidentColumns:
     """The columns of the incidents of a model from those of its table, `System.columns`."""
-    particles, generalized = model.particle_names, model.generalized_names
-    position_names = {*(f"{name}.{axis}" for name in particles for axis in "xyz"), *generalized}
-    rates = {*(f"{name}.v{axis}" for name in particles for axis in "xyz")}
-    rates |= {f"rate({name})" for name in generalized}
+    position_names, rates = map(frozenset, model.state_columns)
     positions = [i for i, name in enumerate(columns) if name in position_names]
     velocities = [i for i, name in enumerate(columns) if name in rates]
     multipliers = [name.removeprefix("lambda.") for name in columns if name.startswith("lambda.")]
