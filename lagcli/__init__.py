@@ -17,72 +17,42 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from lagcli.analysis.check_report import Report
-    from lagcli.analysis.displacement_set import Displacements
-    from lagcli.analysis.dof import DofCount
-    from lagcli.api.audit import audit
-    from lagcli.api.check import check
-    from lagcli.api.compare import compare
-    from lagcli.api.count_dof import dof
-    from lagcli.api.derive import derive
-    from lagcli.api.find_displacements import displacements
-    from lagcli.api.find_modes import modes
-    from lagcli.api.limit import limit
-    from lagcli.api.load import load, loads
-    from lagcli.api.plot import plot
-    from lagcli.api.report import report
-    from lagcli.api.simulate import simulate
-    from lagcli.api.static_points import equilibrium, stationary
-    from lagcli.api.sweep import sweep
-    from lagcli.auditing.checks.audit_report import Audit
-    from lagcli.derivation.sections.derivation_page import Derivation
-    from lagcli.errors.diagnostics import ModelError
-    from lagcli.formulations.comparison import Comparison
-    from lagcli.formulations.stiff_ladder import StiffLimit
-    from lagcli.input.overrides import OverrideError
-    from lagcli.linearization.linear_modes import Modes
-    from lagcli.model.model import Model
-    from lagcli.reporting.report_page import ReportPage
-    from lagcli.running.trajectory import SimulationStopped, Trajectory
-    from lagcli.statics.static_report import StaticReport
+    from lagcli.analysis.check_report import Report as Report
+    from lagcli.analysis.displacement_set import Displacements as Displacements
+    from lagcli.analysis.dof import DofCount as DofCount
+    from lagcli.api.audit import audit as audit
+    from lagcli.api.check import check as check
+    from lagcli.api.compare import compare as compare
+    from lagcli.api.count_dof import dof as dof
+    from lagcli.api.derive import derive as derive
+    from lagcli.api.find_displacements import displacements as displacements
+    from lagcli.api.find_modes import modes as modes
+    from lagcli.api.limit import limit as limit
+    from lagcli.api.load import load as load
+    from lagcli.api.load import loads as loads
+    from lagcli.api.plot import plot as plot
+    from lagcli.api.report import report as report
+    from lagcli.api.simulate import simulate as simulate
+    from lagcli.api.static_points import equilibrium as equilibrium
+    from lagcli.api.static_points import stationary as stationary
+    from lagcli.api.sweep import sweep as sweep
+    from lagcli.auditing.checks.audit_report import Audit as Audit
+    from lagcli.derivation.sections.derivation_page import Derivation as Derivation
+    from lagcli.errors.diagnostics import ModelError as ModelError
+    from lagcli.formulations.comparison import Comparison as Comparison
+    from lagcli.formulations.stiff_ladder import StiffLimit as StiffLimit
+    from lagcli.input.overrides import OverrideError as OverrideError
+    from lagcli.linearization.linear_modes import Modes as Modes
+    from lagcli.model.model import Model as Model
+    from lagcli.reporting.report_page import ReportPage as ReportPage
+    from lagcli.running.trajectory import SimulationStopped as SimulationStopped
+    from lagcli.running.trajectory import Trajectory as Trajectory
+    from lagcli.statics.static_report import StaticReport as StaticReport
 
 __version__ = "0.1.0"
 
-__all__ = [
-    "Audit",
-    "Comparison",
-    "Derivation",
-    "Displacements",
-    "DofCount",
-    "Model",
-    "ModelError",
-    "Modes",
-    "OverrideError",
-    "Report",
-    "ReportPage",
-    "SimulationStopped",
-    "StaticReport",
-    "StiffLimit",
-    "Trajectory",
-    "audit",
-    "check",
-    "compare",
-    "derive",
-    "displacements",
-    "dof",
-    "equilibrium",
-    "limit",
-    "load",
-    "loads",
-    "modes",
-    "plot",
-    "report",
-    "simulate",
-    "stationary",
-    "sweep",
-]
-
-_CLASSES = {
+# The file that each name comes from.
+_HOMES = {
     "Audit": "auditing.checks.audit_report",
     "Comparison": "formulations.comparison",
     "Derivation": "derivation.sections.derivation_page",
@@ -98,26 +68,24 @@ _CLASSES = {
     "StaticReport": "statics.static_report",
     "StiffLimit": "formulations.stiff_ladder",
     "Trajectory": "running.trajectory",
+    "audit": "api.audit",
+    "check": "api.check",
+    "compare": "api.compare",
+    "derive": "api.derive",
+    "displacements": "api.find_displacements",
+    "dof": "api.count_dof",
+    "equilibrium": "api.static_points",
+    "limit": "api.limit",
+    "load": "api.load",
+    "loads": "api.load",
+    "modes": "api.find_modes",
+    "plot": "api.plot",
+    "report": "api.report",
+    "simulate": "api.simulate",
+    "stationary": "api.static_points",
+    "sweep": "api.sweep",
 }
-# File of `lagcli.api` of each function.
-_FUNCTIONS = {
-    "audit": "audit",
-    "check": "check",
-    "compare": "compare",
-    "derive": "derive",
-    "displacements": "find_displacements",
-    "dof": "count_dof",
-    "equilibrium": "static_points",
-    "limit": "limit",
-    "load": "load",
-    "loads": "load",
-    "modes": "find_modes",
-    "plot": "plot",
-    "report": "report",
-    "simulate": "simulate",
-    "stationary": "static_points",
-    "sweep": "sweep",
-}
+__all__ = [*_HOMES]
 
 
 @functools.cache
@@ -129,12 +97,11 @@ def _require_libraries() -> None:
 
 
 def __getattr__(name: str) -> object:
-    if name in _FUNCTIONS:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'lagcli' has no attribute {name!r}")
+    if _HOMES[name].startswith("api."):
         _require_libraries()
-        return getattr(importlib.import_module(f"lagcli.api.{_FUNCTIONS[name]}"), name)
-    if name in _CLASSES:
-        return getattr(importlib.import_module(f"lagcli.{_CLASSES[name]}"), name)
-    raise AttributeError(f"module 'lagcli' has no attribute {name!r}")
+    return getattr(importlib.import_module(f"lagcli.{_HOMES[name]}"), name)
 
 
 def __dir__() -> list[str]:
