@@ -7,6 +7,7 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +25,6 @@ from lagcli.model.settings import Simulation
 from lagcli.running import table_columns
 from lagcli.running.simulation_run import SimulationRun
 from lagcli.simulation.run_state import run_stop
-from lagcli.start.initial import State
 
 Floats = npt.NDArray[np.float64]
 
@@ -50,29 +50,7 @@ class LimitPlan:
     report: Callable[[str], None]
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Constrained:
-    """The constrained run: times (T,) and lambda (T,) on a grid of rows and on finer ones, where it began, the row,
-    omega/sqrt(k) of its swing, and what lambda is off by at the rows, by the tolerance."""
-
-    run: SimulationRun
-    row: StiffRow
-    start: State
-    frequency: float
-    settings: Simulation
-    refined: int
-    t: Floats
-    multiplier: Floats
-    uncertainty: Floats
-
-    def at(self, refined: int) -> tuple[Floats, Floats]:
-        """Times and lambda on a grid that is `refined` times as fine as that of the rows."""
-        rows = spaced(len(self.t), self.refined // refined)
-        return self.t[rows], self.multiplier[rows]
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class _Followed:
+class _Followed(NamedTuple):
     """A stiff run: -k f (T,) on its grid, accepted steps, seconds, the uncertainty of the force (rows,) at the rows."""
 
     force: Floats
@@ -105,21 +83,22 @@ def limit(model: Model, chosen: Simulation, plan: LimitPlan) -> StiffLimit:
                 where = f"t = {first.end:.9g}: the limit is taken up to there"
                 notes.append(f"the event `{name}` ends the constrained run at {where}")
                 chosen = dataclasses.replace(chosen, duration=first.end - chosen.start)
+    rate_of = "weighted_mean" if plan.unprestressed or plan.is_ramp else "max_error"
     kind = "unprestressed" if plan.unprestressed else "adapted"
+    nothing = np.zeros(0)
+    empty = StiffLimit(model.path, row, kind, nothing, nothing, (), None, rate_of)
     try:
-        constrained = _constrained(model, chosen, index, plan)
+        runs = _StiffRuns(model, chosen, index, plan)
     except run_stop.RunStop as stop:
-        nothing = np.zeros(0)
-        rate_of = "weighted_mean" if plan.unprestressed or plan.is_ramp else "max_error"
         reason = f"the constrained run stopped at t = {stop.stop.t:.9g}: {stop.stop.reason}"
-        return StiffLimit(model.path, row, kind, nothing, nothing, (), None, rate_of, stopped=reason)
-    runs = _StiffRuns(constrained, row, plan)
+        return dataclasses.replace(empty, stopped=reason)
+    t, multiplier = runs.at(1)
+    empty = dataclasses.replace(empty, t=t, multiplier=multiplier)
     try:
-        found = runs.ramp(kind) if plan.is_ramp else runs.ladder(kind)
+        found = runs.ramp(empty) if plan.is_ramp else runs.ladder(empty)
     except run_stop.RunStop as stop:
-        t, multiplier = constrained.at(1)
         reason = f"the stiff run stopped at t = {stop.stop.t:.9g}: {stop.stop.reason}"
-        found = StiffLimit(model.path, row, kind, t, multiplier, (), None, "weighted_mean", stopped=reason)
+        found = dataclasses.replace(empty, stopped=reason)
     return dataclasses.replace(found, notes=(*notes, *found.notes))
 
 
@@ -167,32 +146,6 @@ def _row(first: SimulationRun, name: str) -> int:
     return index
 
 
-def _constrained(model: Model, chosen: Simulation, index: int, plan: LimitPlan) -> Constrained:
-    """The constrained run without outputs and events. Raises `run_stop.RunStop`."""
-    bare = dataclasses.replace(model, outputs=(), events=(), fingerprint=f"{model.fingerprint} bare")
-    run = prepare_run.start(bare, chosen)
-    start, numeric = run.begin, run.numeric
-    solved = numeric.keeping(run.report.selection).solved
-    lam, rate = stiff_system.multiplier_rate(solved, (start.t, start.q, start.v, start.p), index)
-    frequency = stiff_system.frequency(numeric, start, index)
-    swings = frequency * math.sqrt(plan.stiffness[-1]) * chosen.duration / (2 * math.pi)
-    refined = refinement(run.grid.count - 1, swings)
-    if refined > 1:
-        run = prepare_run.start(bare, finer(chosen, refined))
-
-    def multiplier(run: SimulationRun) -> Floats:
-        """The times and lambda of the row, (2, T)."""
-        column = run.columns.index(f"lambda.{run.built.rows.rows[index].name}")
-        blocks = [np.zeros((0, 2)), *(block[:, [0, column]].copy() for block in run.blocks())]
-        return np.concatenate(blocks).T
-
-    t, found = multiplier(run)
-    again = multiplier(prepare_run.start(bare, looser(chosen)))[1]
-    uncertainty = np.abs(again - found[spaced(len(t), refined)]) / LARGER
-    row = StiffRow(index, lam, rate)
-    return Constrained(run, row, start, frequency, chosen, refined, t, found, uncertainty)
-
-
 def looser(chosen: Simulation) -> Simulation:
     """The settings with a larger tolerance."""
     atol = None if chosen.atol is None else LOOSER * chosen.atol
@@ -222,27 +175,51 @@ def spaced(count: int, every: int) -> npt.NDArray[np.int64]:
     return indices if indices[-1] == count - 1 else np.append(indices, count - 1)
 
 
-def _means(t: Floats, error: Floats, uncertainty: Floats) -> tuple[float, float, float]:
-    """|The time mean of an error|, how far it is off at most, and |the mean without swings|; uncertainty: of the error
-    at rows."""
-    mean, apart = stiff_ladder.time_mean(t, error)
-    return abs(mean), apart + float(uncertainty.mean()), abs(stiff_ladder.mean_without_swings(t, error))
-
-
 class _StiffRuns:
-    """The stiff runs beside a constrained one."""
+    """A constrained run without outputs and events, and the stiff runs beside it.
 
-    def __init__(self, constrained: Constrained, row: str, plan: LimitPlan) -> None:
-        self._constrained, self._row, self._plan = constrained, row, plan
+    The constrained one: times (T,) and lambda (T,) on a grid `refined` times as fine as that of the rows, omega/sqrt(k)
+    of the swing of the row, and what lambda is off by at the rows, by the tolerance.
+    """
+
+    def __init__(self, model: Model, chosen: Simulation, index: int, plan: LimitPlan) -> None:
+        """Raises `run_stop.RunStop` where the constrained run stops."""
+        self._plan, self._settings = plan, chosen
+        bare = dataclasses.replace(model, outputs=(), events=(), fingerprint=f"{model.fingerprint} bare")
+        run = prepare_run.start(bare, chosen)
+        start, numeric, built = run.begin, run.numeric, run.built
+        solved = numeric.keeping(run.report.selection).solved
+        lam, rate = stiff_system.multiplier_rate(solved, (start.t, start.q, start.v, start.p), index)
+        self._row, self._start = StiffRow(index, lam, rate), start
+        self._frequency = stiff_system.frequency(numeric, start, index)
+        self._rows = run.grid.count - 1
+        self._refinement = refinement(self._rows, self._swings(plan.stiffness[-1]))
+        if self._refinement > 1:
+            run = prepare_run.start(bare, finer(chosen, self._refinement))
+        self._bare, self._numeric, self._bodies = run.model, run.numeric, run.built.bodies
+        self._name = built.rows.rows[index].name
+
+        def multiplier(run: SimulationRun) -> Floats:
+            """The times and lambda of the row, (2, T)."""
+            column = run.columns.index(f"lambda.{self._name}")
+            blocks = [np.zeros((0, 2)), *(block[:, [0, column]].copy() for block in run.blocks())]
+            return np.concatenate(blocks).T
+
+        self._t, self._multiplier = multiplier(run)
+        again = multiplier(prepare_run.start(bare, looser(chosen)))[1]
+        self._uncertainty = np.abs(again - self.at(1)[1]) / LARGER
         self._ready: CompiledModel | None = None
-        built = constrained.run.built
-        self._stretch = stiff_system.stretch(built, constrained.row.index)
-        self._size = stiff_system.size_of_terms(built, constrained.row.index, constrained.start)
+        self._stretch = stiff_system.stretch(run.built, index)
+        self._size = stiff_system.size_of_terms(run.built, index, start)
 
-    def ladder(self, kind: str) -> StiffLimit:
+    def at(self, refined: int) -> tuple[Floats, Floats]:
+        """Times and lambda on a grid that is `refined` times as fine as that of the rows."""
+        rows = spaced(len(self._t), self._refinement // refined)
+        return self._t[rows], self._multiplier[rows]
+
+    def ladder(self, empty: StiffLimit) -> StiffLimit:
         """One run for each stiffness, from the least on, as far as their errors can be resolved."""
-        constrained, plan = self._constrained, self._plan
-        rate_of = "weighted_mean" if plan.unprestressed else "max_error"
+        plan, rate_of = self._plan, empty.rate_of
         rungs: list[Rung] = []
         ended = stopped = ""
         soft: list[str] = []
@@ -253,15 +230,13 @@ class _StiffRuns:
             if k == plan.stiffness[-1]:
                 swings = self._swings(k)
                 head = f"the stiffest run, k = {k:.4g}, swings {swings:.3g} times and takes some"
-                if timed is None:
-                    plan.report(f"{head} {max(10.0, STEPS_IN_A_SWING * swings):.2g} steps")
-                else:
+                cost = f"{max(10.0, STEPS_IN_A_SWING * swings):.2g} steps"
+                if timed is not None:
                     times = math.sqrt(k / timed[0])
                     # The run is made again with a larger tolerance, in fewer steps.
                     seconds = 1.6 * times * timed[1].seconds
-                    plan.report(
-                        f"{head} {times * timed[1].steps:.2g} steps, {seconds:.2g} s at the pace so far"
-                    )
+                    cost = f"{times * timed[1].steps:.2g} steps, {seconds:.2g} s at the pace so far"
+                plan.report(f"{head} {cost}")
             try:
                 followed = self._follow(Stiffness(k))
             except stiff_system.NoSlowStartError:
@@ -277,21 +252,23 @@ class _StiffRuns:
                 rungs.append(rung)
             if ended:
                 break
-        t, multiplier = constrained.at(1)
         reason = f"no configuration near the start is stretched by -lambda/k at {', '.join(soft)}: too soft a spring"
         known = [(one.stiffness, error) for one in rungs if (error := one.error(rate_of)) is not None]
-        rate = stiff_ladder.fitted([k for k, _ in known], [error for _, error in known])
-        return StiffLimit(
-            constrained.run.model.path, self._row, kind, t, multiplier, tuple(rungs), rate, rate_of, ended,
-            steps=sum(one.steps or 0 for one in rungs), notes=(reason,) if soft else (), stopped=stopped,
-        )  # fmt: skip
+        return dataclasses.replace(
+            empty,
+            rungs=tuple(rungs),
+            rate=stiff_ladder.fitted([k for k, _ in known], [error for _, error in known]),
+            ended=ended,
+            steps=sum(one.steps or 0 for one in rungs),
+            notes=(reason,) if soft else (),
+            stopped=stopped,
+        )
 
-    def ramp(self, kind: str) -> StiffLimit:
+    def ramp(self, empty: StiffLimit) -> StiffLimit:
         """One run in which k rises by one factor in equal times. Raises `run_stop.RunStop`."""
-        constrained, plan = self._constrained, self._plan
+        plan, seconds = self._plan, self._settings.duration
         low, high = plan.stiffness[0], plan.stiffness[-1]
-        seconds = constrained.settings.duration
-        k = Stiffness(low, math.log(high / low) / seconds, constrained.start.t)
+        k = Stiffness(low, math.log(high / low) / seconds, self._start.t)
         swings = (self._swings(k.least * math.exp(k.growth * seconds)) - self._swings(k.least)) * 2
         swings /= k.growth * seconds
         plan.report(
@@ -299,7 +276,7 @@ class _StiffRuns:
         )
         followed = self._follow(k)
         refined = self._refined(high)
-        t, multiplier = constrained.at(refined)
+        t, multiplier = self.at(refined)
         stiffness, error = k.at(t), followed.force - multiplier
         rows = spaced(len(t), refined)
         rungs = []
@@ -308,26 +285,38 @@ class _StiffRuns:
             near = (stiffness[rows] >= least) & (stiffness[rows] <= most)
             if inside.sum() < 2:
                 continue
-            means = _means(t[inside], error[inside], followed.uncertainty + constrained.uncertainty)
+            means = self._means(t[inside], error[inside], followed)
             own = float(followed.uncertainty[near].max(initial=0.0))
             middle = math.sqrt(least * most)
             largest = float(np.abs(error[inside]).max())
             rungs.append(Rung(middle, largest, *means, None, own, followed.force[inside]))
         # The mean of a stretch is that of the swings which the soft spring began: no power of k fits it.
-        return StiffLimit(
-            constrained.run.model.path, self._row, kind, t[rows], multiplier[rows], tuple(rungs), None, "weighted_mean",
+        return dataclasses.replace(
+            empty,
+            t=t[rows],
+            multiplier=multiplier[rows],
+            rungs=tuple(rungs),
             ramp={"seconds": seconds, "from": low, "to": high, "steps": float(followed.steps)},
-            stiffness=stiffness[rows], force=followed.force[rows], steps=followed.steps, notes=(NO_RATE,),
-        )  # fmt: skip
+            stiffness=stiffness[rows],
+            force=followed.force[rows],
+            steps=followed.steps,
+            notes=(NO_RATE,),
+        )
+
+    def _means(self, t: Floats, error: Floats, followed: _Followed) -> tuple[float, float, float]:
+        """|The time mean of an error|, how far it is off at most, and |the mean without swings|."""
+        mean, apart = stiff_ladder.time_mean(t, error)
+        uncertainty = followed.uncertainty + self._uncertainty
+        return abs(mean), apart + float(uncertainty.mean()), abs(stiff_ladder.mean_without_swings(t, error))
 
     def _rung(self, k: float, followed: _Followed) -> Rung:
         refined = self._refined(k)
-        t, multiplier = self._constrained.at(refined)
+        t, multiplier = self.at(refined)
         error = followed.force - multiplier
         rows = spaced(len(t), refined)
         means: tuple[float | None, float | None, float | None] = (None, None, None)
         if len(t) - 1 >= IN_A_SWING / 2 * self._swings(k):
-            means = _means(t, error, followed.uncertainty + self._constrained.uncertainty)
+            means = self._means(t, error, followed)
         if self._swings(k) < stiff_ladder.PARAMETERS.fewest_swings:
             means = (*means[:2], None)
         largest = float(np.abs(error[rows]).max())
@@ -336,45 +325,38 @@ class _StiffRuns:
 
     def _swings(self, k: float) -> float:
         """Swings of the row in the duration of the run."""
-        return (
-            self._constrained.frequency * math.sqrt(k) * self._constrained.settings.duration / (2 * math.pi)
-        )
+        return self._frequency * math.sqrt(k) * self._settings.duration / (2 * math.pi)
 
     def _refined(self, k: float) -> int:
-        rows = (len(self._constrained.t) - 1) // self._constrained.refined
-        return min(self._constrained.refined, refinement(max(1, rows), self._swings(k)))
+        rows = (len(self._t) - 1) // self._refinement
+        return min(self._refinement, refinement(max(1, rows), self._swings(k)))
 
     def _follow(self, k: Stiffness) -> _Followed:
         """The run of a stiffness, and again with a larger tolerance. Raises `run_stop.RunStop`, `NoSlowStartError`."""
-        constrained, plan = self._constrained, self._plan
-        most = k.least * math.exp(k.growth * constrained.settings.duration)
-        refined = self._refined(most)
-        q, v = constrained.start.q, constrained.start.v
-        if not plan.unprestressed:
-            rate = constrained.row.rate - constrained.row.multiplier * k.growth
-            row = dataclasses.replace(constrained.row, rate=rate)
-            q, v = stiff_system.stretched(constrained.run.numeric, constrained.start, row, k.least)
-        settings = finer(constrained.settings, refined)
-        force, steps, seconds = self._force(k, (q, v), settings)
-        again, _, _ = self._force(k, (q, v), looser(constrained.settings))
-        rows = spaced(len(force), refined)
-        t = constrained.at(1)[0]
-        uncertainty = np.abs(again - force[rows]) / LARGER + 4 * doubles.EPS * self._size * k.at(t)
+        refined = self._refined(k.least * math.exp(k.growth * self._settings.duration))
+        q, v = self._start.q, self._start.v
+        if not self._plan.unprestressed:
+            rate = self._row.rate - self._row.multiplier * k.growth
+            row = dataclasses.replace(self._row, rate=rate)
+            q, v = stiff_system.stretched(self._numeric, self._start, row, k.least)
+        force, steps, seconds = self._force(k, (q, v), finer(self._settings, refined))
+        again, _, _ = self._force(k, (q, v), looser(self._settings))
+        of_rounding = 4 * doubles.EPS * self._size * k.at(self.at(1)[0])
+        uncertainty = np.abs(again - force[spaced(len(force), refined)]) / LARGER + of_rounding
         return _Followed(force, steps, seconds, uncertainty)
 
     def _force(
         self, k: Stiffness, begin: tuple[Floats, Floats], settings: Simulation
     ) -> tuple[Floats, int, float]:
         """-k f (T,) of a run from q, v, its accepted steps, and seconds. Raises `run_stop.RunStop`."""
-        constrained = self._constrained
-        bare = dataclasses.replace(constrained.run.model, simulation=settings)
-        model = stiff_system.model(bare, self._row, (constrained.start.t, *begin), k)
+        bare = dataclasses.replace(self._bare, simulation=settings)
+        model = stiff_system.model(bare, self._name, (self._start.t, *begin), k)
         ready = None if self._ready is None else self._ready.with_values(model)
         if ready is None:
-            ready = CompiledModel(stiff_system.build(model, self._row, self._plan.is_ramp))
+            ready = CompiledModel(stiff_system.build(model, self._name, self._plan.is_ramp))
         self._ready = ready
         # The lengths of rigid bodies are those of the constrained start, not those of the stretched one.
-        ready = ready.of(dataclasses.replace(ready.system, bodies=constrained.run.built.bodies))
+        ready = ready.of(dataclasses.replace(ready.system, bodies=self._bodies))
         began = time.perf_counter()
         run = prepare_run.start_compiled(ready, KnownIntegrals())
         states = table_columns.States(model, run.columns)
@@ -382,7 +364,7 @@ class _StiffRuns:
         for block in run.blocks():
             if len(block):
                 t, q, _ = states(block)
-                f = np.array(self._stretch(t[None], q.T, constrained.start.p)).ravel()
+                f = np.array(self._stretch(t[None], q.T, self._start.p)).ravel()
                 found.append(-k.at(t) * f)
         return np.concatenate(found), run.stats.steps, time.perf_counter() - began
 

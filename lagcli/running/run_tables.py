@@ -100,7 +100,7 @@ class TablePlan:
     file: str | None
     names: tuple[str, ...]
     words: Mapping[str, Sequence[str]] = dataclasses.field(default_factory=dict)
-    step: float = 0
+    step: float = 0.0
     has_event_rows: bool = False
     noun: str = "rows"
 
