@@ -9,12 +9,11 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING
 
 import typer
 
-from lagcli.cli.commands import COMMANDS
 from lagcli.output.files import formats
 
 if TYPE_CHECKING:
@@ -56,29 +55,21 @@ def columns(ctx: typer.Context, incomplete: str) -> list[str]:
     return _listed((*_outline(ctx).columns(), "lambda.*", "R.*"), incomplete)
 
 
-def constraints(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Names of the constraints of the model; a family has no name of its own to give."""
-    return _named(_outline(ctx).constraints(), incomplete)
+def _of_outline(find: Callable[[Outline], Iterable[str]]) -> Callable[[typer.Context, str], list[str]]:
+    """A completion with names in the model; a family has no name of its own to give."""
+
+    def completed(ctx: typer.Context, incomplete: str) -> list[str]:
+        names = find(_outline(ctx))
+        return _shown(name for name in names if name.startswith(incomplete) and "[" not in name)
+
+    return completed
 
 
-def differential(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Names of its differential constraints."""
-    return _named(_outline(ctx).of("differential"), incomplete)
-
-
-def holonomic(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Names of its holonomic constraints."""
-    return _named(_outline(ctx).of("holonomic"), incomplete)
-
-
-def multipliers(ctx: typer.Context, incomplete: str) -> list[str]:
-    """The begin of NAME=VALUE for each differential constraint."""
-    return _named([f"{name}=" for name in _outline(ctx).of("differential")], incomplete)
-
-
-def settings(ctx: typer.Context, incomplete: str) -> list[str]:
-    """The begin of NAME=EXPR for parameters and initial values."""
-    return _named([f"{name}=" for name in _outline(ctx).settable()], incomplete)
+differential = _of_outline(lambda found: found.of("differential"))
+holonomic = _of_outline(lambda found: found.of("holonomic"))
+# The beginnings of NAME=VALUE.
+multipliers = _of_outline(lambda found: [f"{name}=" for name in found.of("differential")])
+settings = _of_outline(lambda found: [f"{name}=" for name in found.settable()])
 
 
 def parameters(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -114,18 +105,9 @@ def methods(ctx: typer.Context, incomplete: str) -> list[str]:
     return [name for name in schemes.METHODS if name.startswith(incomplete)]
 
 
-def commands(incomplete: str) -> Described:
-    """The commands."""
-    return [item for item in COMMANDS.items() if item[0].startswith(incomplete)]
-
-
 def _listed(names: Iterable[str], incomplete: str) -> list[str]:
     before, comma, start = incomplete.rpartition(",")
     return _shown(f"{before}{comma}{name}" for name in dict.fromkeys(names) if name.startswith(start))
-
-
-def _named(names: Iterable[str], incomplete: str) -> list[str]:
-    return _shown(name for name in names if name.startswith(incomplete) and "[" not in name)
 
 
 def _outline(ctx: typer.Context) -> Outline:

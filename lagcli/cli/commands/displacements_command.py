@@ -68,8 +68,8 @@ def _print_report(found: Displacements) -> None:
     n = len(parts.names)
     label = "3N" if n == 3 * len(found.particles) else "n"
     console.paragraph(
-        f"t = {found.t:.9g}: {_number(n, 'coordinate')}, {_number(bases.rows, 'row')} of rank {bases.rank};"
-        f" {label} - rank = {n} - {bases.rank} = {_number(bases.dimension, 'virtual displacement')}",
+        f"t = {found.t:.9g}: {console.counted(n, 'coordinate')}, {console.counted(bases.rows, 'row')} of rank"
+        f" {bases.rank}; {label} - rank = {n} - {bases.rank} = {console.counted(bases.dimension, 'virtual displacement')}",
         "    ",
     )
     print()
@@ -125,13 +125,11 @@ def _contacts(found: Displacements) -> None:
     """The contacts with their sides, and the directions that the closed ones leave."""
     contacts, names = found.contacts.contacts, found.components.names
     rows = []
-    for one in sorted(contacts, key=lambda one: one.state == "open")[:MOST_LINES]:
+    for one in sorted(contacts, key=lambda one: one.state == "open"):
         terms = [(float(value), f"d{name}") for value, name in zip(one.gradient, names, strict=True)]
         condition = f"{_sum([*terms, (one.rate, 'dt')])} >= 0" if one.state == "closed" else ""
         rows.append([one.name, one.state, condition])
-    console.table(["contact", "state", "leaves"], rows, {})
-    if len(contacts) > MOST_LINES:
-        print(f"{len(contacts) - MOST_LINES} more are given with --json")
+    _first_lines(["contact", "state", "leaves"], rows)
     directions = found.contacts.directions
     if directions is None or not any(one.state == "closed" for one in contacts):
         return
@@ -185,16 +183,13 @@ def _forces(found: tuple[Internal, ...]) -> None:
         print("no forces between particles are declared")
         return
     rows = []
-    for one in found[:MOST_LINES]:
+    for one in found:
         force, verdict = one.force, "of several; balanced" if one.is_central else "of several; not balanced"
         if one.is_pair:
             force, verdict = one.force / 2, "central" if one.is_central else "not central"
         names = [", ".join(one.laws), ", ".join(one.particles)]
         rows.append([*names, f"{force:.6g}", f"{one.unbalanced:.1e}", f"{one.off_line:.1e}", verdict])
-    headers = ["internal force", "between", "size", "F_ij + F_ji", "off the line", "verdict"]
-    console.table(headers, rows, {})
-    if len(found) > MOST_LINES:
-        print(f"{len(found) - MOST_LINES} more are given with --json")
+    _first_lines(["internal force", "between", "size", "F_ij + F_ji", "off the line", "verdict"], rows)
     if any(not one.is_central for one in found):
         print()
         console.paragraph(
@@ -204,9 +199,12 @@ def _forces(found: tuple[Internal, ...]) -> None:
         )
 
 
+def _first_lines(headers: list[str], rows: list[list[str]]) -> None:
+    """A table, of which a terminal has room for the first lines."""
+    console.table(headers, rows[:MOST_LINES], {})
+    if len(rows) > MOST_LINES:
+        print(f"{len(rows) - MOST_LINES} more are given with --json")
+
+
 def _entry(value: float) -> str:
     return "0" if abs(value) < 1e-14 else f"{value:.6g}"
-
-
-def _number(count: int, thing: str) -> str:
-    return f"{count} {thing}" if count == 1 else f"{count} {thing}s"

@@ -69,12 +69,8 @@ def print_report(model: Model, found: StaticReport, output: str | None, as_json:
         elif found.best_residual is not None and found.best_residual != float("inf"):
             best = f"; the least residual met is {found.best_residual:.6g}"
         what = "stationary point" if found.called == "value" else "point of rest"
-        exits.print_err(f"lagcli: no {what} was found from {_starts(found)}{best}")
+        exits.print_err(f"lagcli: no {what} was found from {console.counted(found.starts, 'start')}{best}")
         raise exits.Exit(exits.UNDECIDED)
-
-
-def _starts(found: StaticReport) -> str:
-    return "1 start" if found.starts == 1 else f"{found.starts} starts"
 
 
 def _print_report(found: StaticReport) -> None:
@@ -96,9 +92,9 @@ def _print_report(found: StaticReport) -> None:
     hidden = len(names) - len(shown)
     if hidden or len(found.points) > MOST_ROWS:
         console.paragraph("more columns and rows are given with --json and -o FILE", "    ")
-    count = "1 point" if len(found.points) == 1 else f"{len(found.points)} points"
+    count, starts = console.counted(len(found.points), "point"), console.counted(found.starts, "start")
     proved = "; it is proved that there are no others" if found.complete else "; there may be others"
-    console.paragraph(f"{count} from {_starts(found)}{proved}", "    ")
+    console.paragraph(f"{count} from {starts}{proved}", "    ")
 
 
 def _entry(value: float) -> str:

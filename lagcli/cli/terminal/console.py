@@ -6,6 +6,7 @@ columns are as wide as their texts.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import shutil
@@ -13,7 +14,6 @@ import sys
 import textwrap
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, TextIO
 
 from lagcli.errors import diagnostics
@@ -48,6 +48,11 @@ def clear() -> None:
 def width() -> int:
     """Columns of stdout."""
     return max(NARROWEST, shutil.get_terminal_size().columns) if sys.stdout.isatty() else UNCUT
+
+
+def counted(count: int, noun: str) -> str:
+    """A number of things, of which there may be one."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def stderr_width() -> int:
@@ -136,37 +141,17 @@ def _table(headers: Sequence[str], rows: Rows, colours: Mapping[str, str]) -> Ta
 
 
 class Progress:
-    """Tells how far a run has come."""
+    """Tells how far a run has come, by a bar with the time left once it has been going on for a second."""
 
-    def at(self, t: float) -> None:
-        """The run has reached the time t."""
-
-    def close(self) -> None:
-        """Nothing more is shown: others write on the terminal."""
-
-
-@contextmanager
-def progress(start: float, end: float, quiet: bool) -> Iterator[Progress]:
-    """A bar with the time left on stderr, where that is a terminal and the run has been going on for a second."""
-    if quiet or is_plain(sys.stderr):
-        yield Progress()
-        return
-    bar = _Bar(start, end)
-    try:
-        yield bar
-    finally:
-        bar.close()
-
-
-class _Bar(Progress):
-    def __init__(self, start: float, end: float) -> None:
+    def __init__(self, start: float, end: float, is_shown: bool) -> None:
         self._start, self._span = start, (end - start) or 1.0
-        self._began = time.monotonic()
+        self._due = time.monotonic() + DELAY if is_shown else math.inf
         self._shown: rich_progress.Progress | None = None
         self._task: rich_progress.TaskID | None = None
 
     def at(self, t: float) -> None:
-        if self._shown is None and time.monotonic() - self._began > DELAY:
+        """The run has reached the time t."""
+        if self._shown is None and time.monotonic() > self._due:
             from rich import progress as rich_progress
             from rich.console import Console
 
@@ -187,6 +172,12 @@ class _Bar(Progress):
             self._shown.update(self._task, completed=(t - self._start) / self._span)
 
     def close(self) -> None:
+        """Nothing more is shown: others write on the terminal."""
         if self._shown is not None:
             self._shown.stop()
-            self._shown, self._began = None, math.inf
+            self._shown, self._due = None, math.inf
+
+
+def progress(start: float, end: float, quiet: bool) -> contextlib.closing[Progress]:
+    """How far a run has come, told on stderr where that is a terminal."""
+    return contextlib.closing(Progress(start, end, not quiet and not is_plain(sys.stderr)))
