@@ -69,7 +69,8 @@ def _print_report(found: Displacements) -> None:
     label = "3N" if n == 3 * len(found.particles) else "n"
     console.paragraph(
         f"t = {found.t:.9g}: {console.counted(n, 'coordinate')}, {console.counted(bases.rows, 'row')} of rank"
-        f" {bases.rank}; {label} - rank = {n} - {bases.rank} = {console.counted(bases.dimension, 'virtual displacement')}",
+        f" {bases.rank}; {label} - rank = {n} - {bases.rank} ="
+        f" {console.counted(bases.dimension, 'virtual displacement')}",
         "    ",
     )
     print()

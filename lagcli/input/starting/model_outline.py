@@ -33,15 +33,11 @@ class Outline:
         """The names in these sections, in their order."""
         return tuple(name for section in sections for name in self.names.get(section, ()))
 
-    def constraints(self) -> tuple[str, ...]:
-        """The names of all constraints."""
-        return self.of(*_CONSTRAINTS)
-
     def columns(self) -> tuple[str, ...]:
         """The columns of a table of this model; several at once where only the integrated model could tell them."""
         particles, coordinates, bodies = self.of("particles"), self.of("coordinates"), self.of("rigid")
         multipliers: list[str] = []
-        for name in self.constraints():
+        for name in self.of(*_CONSTRAINTS):
             if name in self.vectors:
                 multipliers += [f"lambda.{name}.{axis}" for axis in AXES]
             else:
