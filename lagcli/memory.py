@@ -1,8 +1,7 @@
 """One memory of answers: what was computed before, kept for the next who asks.
 
-An answer depends on its question alone, which names all that it is made of, and first of all, where one memory has
-answers of several kinds, the kind: `()` may be no integrals and no parameters. So a memory may forget at any time, and
-no answer changes: it is bounded, shared by threads, and `forget` empties all there are.
+An answer depends on its question alone, which names all that it is made of, and its kind where a memory has several.
+So a memory may forget at any time: it is bounded, shared by threads, and `forget` empties all there are.
 """
 
 from __future__ import annotations

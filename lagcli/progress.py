@@ -1,9 +1,7 @@
-"""Long work of this thread: the part that is going on, reported to whoever listens (a terminal, or nobody), and the
-time by which it has to end.
+"""Long work of this thread: the part that is going on, told to whoever listens, and the time by which it has to end.
 
-Time is that of the processor, which other programs do not use up: seconds of this process (`time.process_time`), where
-somebody gives a limit. A limit that nobody gave is `Counted`: seconds that are reckoned from operations, so that no
-answer depends on a clock. What does the work reckons it (`reckon`), or a memory counts it (`reckons`).
+A limit that somebody gives is in seconds of the processor (`time.process_time`). One that nobody gave is `Counted`:
+seconds that are reckoned from operations (`reckon`, `reckons`), so that no answer depends on a clock.
 """
 
 from __future__ import annotations

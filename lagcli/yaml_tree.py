@@ -1,9 +1,7 @@
 """File -> tree of nodes with line and column. YAML is read event by event and never loaded into objects.
 
-Only the plain shape of YAML is taken: mappings, sequences and scalars, one document. Tags, anchors and
-aliases are refused, duplicate keys too, and size, depth and number of nodes are bounded, so that a stranger's
-file is read in time proportional to its length. A scalar keeps its text: what it means is decided by whoever
-reads it, never by YAML's own typing.
+Only the plain shape of YAML is taken: mappings, sequences and scalars, one document, without tags, anchors, aliases and
+duplicate keys; size, depth and number of nodes are bounded. A scalar keeps its text: what it means its reader decides.
 """
 
 from __future__ import annotations
@@ -205,7 +203,7 @@ def parse(data: bytes | str, path: str) -> Mapping:
     try:
         root = _build(text, found)
     except yaml.YAMLError as error:
-        raise diagnostics.ModelError([_yaml_error(error, text)]) from None
+        raise _yaml_error(error, text) from None
     hint = "a model begins with the line `lagcli: 1`"
     if root is None or (isinstance(root, Scalar) and is_empty(root)):
         raise diagnostics.error("empty-model", "the file holds no model", text.locate(0), hint)
@@ -244,7 +242,7 @@ def _not_text(message: str, good: str, path: str) -> diagnostics.ModelError:
     return diagnostics.error("not-text", message, location, "save the model as plain text in UTF-8")
 
 
-def _yaml_error(error: yaml.YAMLError, text: Text) -> diagnostics.Diagnostic:
+def _yaml_error(error: yaml.YAMLError, text: Text) -> diagnostics.ModelError:
     mark = getattr(error, "problem_mark", None)
     begun = getattr(error, "context_mark", None)
     problem = getattr(error, "problem", None) or "this is not YAML"
@@ -257,15 +255,13 @@ def _yaml_error(error: yaml.YAMLError, text: Text) -> diagnostics.Diagnostic:
     if begun is not None and begun.line + 1 != location.line:
         message += f" that begins on line {begun.line + 1}"
     before = location.source_line[: location.column - 1].rstrip()
+    hint = ""
     if "mapping values" in problem or "expected ':'" in problem or "expected key" in problem:
         hint = _missing_colon(text, location.line - 1)
-        if hint:
-            return diagnostics.Diagnostic("yaml-syntax", message, location, hint)
-    if before.endswith("]") and re.search(r":\s+\[", before):
+    if not hint and before.endswith("]") and re.search(r":\s+\[", before):
         hint = "an equation that begins with `[` needs quotes"
-    else:
-        hint = _yaml_hint(problem, context, text.content[offset : offset + 1])
-    return diagnostics.Diagnostic("yaml-syntax", message, location, hint)
+    hint = hint or _yaml_hint(problem, context, text.content[offset : offset + 1])
+    return diagnostics.error("yaml-syntax", message, location, hint)
 
 
 def _missing_colon(text: Text, line: int) -> str:

@@ -226,8 +226,7 @@ def ties(model: Model) -> list[links.Tie]:
 
 
 def of_modes(model: Model, found: Modes) -> Scene:
-    """The scene of small oscillations, each mode as a way to swing. Raises `builder.NothingToShow` where there are
-    no shapes."""
+    """The scene of small oscillations. Raises `builder.NothingToShow` where there are no shapes."""
     require_few(model)
     if not len(found.shapes):
         raise NothingToShow(

@@ -47,9 +47,9 @@ def audit(
     `run`: a trajectory, or the file of a table, which may be one of `equilibrium`; without one the model is simulated
     now, with the other options as of `simulate`. `events`: the incidents of that run, `run.events` or the file of
     `simulate --events`; a run that is made here has its own. For a table that is given, `rtol` and `atol` say how well
-    it was computed. `passed` says whether no
-    check fails, `checks` has each with its worst entry and limit. Raises `ModelError`, `ValueError` for a table that
-    lacks columns and for bad options, `OSError`, `SimulationStopped` for a run without a row.
+    it was computed. `passed` says whether no check fails, `checks` has each with its worst entry and limit. Raises
+    `ModelError`, `ValueError` for a table that lacks columns and for bad options, `OSError`, `SimulationStopped` for a
+    run without a row.
     """
 
     model = as_model(model)
@@ -93,8 +93,7 @@ def audit(
 
 
 def _as_far(model: Model, chosen: Simulation) -> tuple[Trajectory, tuple[str, ...]]:
-    """A run with these settings as far as it goes, and why it stopped where it did. Raises `SimulationStopped` where it
-    has no row."""
+    """A run as far as it goes, and why it stopped. Raises `SimulationStopped` where it has no row."""
     try:
         return simulate(dataclasses.replace(model, simulation=chosen)), ()
     except SimulationStopped as stopped:

@@ -1,5 +1,4 @@
-"""Systems with their functions, ready to be integrated, those that stay for another run, and models with their start
-moved."""
+"""Compiled systems, those that stay for another run, and models with their start moved."""
 
 from __future__ import annotations
 

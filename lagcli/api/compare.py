@@ -112,8 +112,7 @@ def compare(
 
 
 def _reformulated(run: SimulationRun, first: Formulation, vakonomic: bool) -> Iterator[Formulation]:
-    """The model of a run in the other formulations that fit it, from the same start; vakonomic: without the
-    reduction of many coordinates."""
+    """The model in the other formulations that fit it; vakonomic: without the reduction of many coordinates."""
     if not len(first.table):
         return
     (t,), (q,), (v,) = table_columns.States(run.model, run.columns)(first.table[:1])

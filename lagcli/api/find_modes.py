@@ -118,9 +118,9 @@ def modes(
     else, where it is at rest, about the nearest equilibrium. Of a steady motion whose linear equations have a period in
     t, and of one that comes back to itself, the multipliers of a period are given. A start that moves otherwise is
     refused. about: `start` or `equilibrium` asks for one of them alone, and with `start` any motion that comes back
-    will do. assemble: move the start onto the constraints first;
-    limit: seconds for the first integrals of differential rows; lowest: how many modes of a model of more than
-    600 coordinates (20). Angular frequencies in 1/time of the model's unit.
+    will do. assemble: move the start onto the constraints first; limit: seconds for the first integrals of differential
+    rows; lowest: how many modes of a model of more than 600 coordinates (20). Angular frequencies in 1/time of the
+    model's unit.
 
     Raises `ModelError`, `ValueError` for bad options, `NoEquilibriumError`, `SimulationStopped`.
     """

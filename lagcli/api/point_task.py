@@ -192,8 +192,7 @@ class PointRunner:
         return PointRow(number, point, (math.nan,) * len(task.reductions), INVALID, _cut(fault), math.nan)
 
     def _results(self, model: Model, number: int) -> list[float]:
-        """The reductions of the run of a point, whose whole table goes into a file where that is wanted. A table that
-        is not complete stands in FILE.partial."""
+        """The reductions of the run of a point, whose whole table goes into a file, or FILE.partial, if wanted."""
         task, asked = self.task, self.task.settings
         chosen, seconds = run_settings.chosen(model, asked.runs), run_settings.seconds(asked.limit)
         with progress.phase("preparing the run"):
@@ -284,10 +283,7 @@ def locked(tables: str | None, rows: PlannedRows) -> contextlib.AbstractContextM
 
 
 def require_folder(tables: str) -> str:
-    """The pattern of the files of full tables, in a folder that is there now: `FOLDER/`, `FOLDER/*.parquet`.
-
-    Raises `OSError`.
-    """
+    """The pattern of the files of full tables, `FOLDER/*.parquet`, in a folder that is there now. Raises `OSError`."""
     head, tail = os.path.split(tables)
     if "*" not in tail:
         head, tail = tables, "point-*.csv"

@@ -97,10 +97,7 @@ def are_of_ends(reductions: Sequence[Reduction]) -> bool:
 def value(
     reduction: Reduction, rows: Mapping[str, Floats], t: Floats, parameters: Mapping[str, object]
 ) -> float:
-    """The number of a run with these rows (T,) at the times t (T,); not finite where it has none.
-
-    Raises `ExpressionError`.
-    """
+    """The number of a run with rows (T,) at t (T,); not finite where it has none. Raises `ExpressionError`."""
     if reduction.is_last:
         return float(rows[reduction.text][-1])
     node, found = _evaluated(reduction.text, rows, t, parameters)
@@ -132,8 +129,7 @@ def _evaluated(
 
 @memory.remembered(256)
 def _tree(text: str, known: frozenset[str]) -> tuple[tree.Node, dict[int, str]]:
-    """The tree of a text in which every column is put as a plain word of its length, and the columns by the indices of
-    these words."""
+    """The tree of a text with a plain word of its length for every column, and the columns by the places of these."""
     by_letter: dict[str, list[str]] = {}
     for name in sorted(known, key=len, reverse=True):
         by_letter.setdefault(name[:1], []).append(name)

@@ -52,8 +52,7 @@ SMALLEST = float(np.sqrt(np.finfo(float).tiny))  # what is smaller has no square
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class StaticStart:
-    """A consistent start for searches, the levels of the integrals through it, and notes on those that are not
-    enforced.
+    """A consistent start for searches, and the levels of the integrals through it.
 
     enforced: the differential rows whose integrals are enforced, by name; duration: of the runs of the model.
     """
@@ -71,8 +70,7 @@ class StaticStart:
 
 @progress.phase("looking for a consistent start")
 def begin(ready: CompiledModel, limit: float | None = None) -> StaticStart:
-    """The nearest consistent configuration to the declared start. Raises `diagnostics.ModelError` where there is
-    none."""
+    """The consistent configuration nearest to the declared start. Raises `ModelError` where there is none."""
     limit = run_settings.seconds(limit)
     built, numeric = ready.system, ready.numeric
     declared = initial.declared(built)
@@ -106,8 +104,7 @@ def begin(ready: CompiledModel, limit: float | None = None) -> StaticStart:
 
 
 class RestPoints:
-    """Points of rest of a model, from its start (D.25). Raises `diagnostics.ModelError` where no configuration
-    satisfies the rows. limit: seconds for first integrals."""
+    """Points of rest of a model, from its start (D.25). Raises `ModelError` where no configuration satisfies rows."""
 
     def __init__(self, ready: CompiledModel, limit: float | None = None) -> None:
         self._ready, self._limit = ready, limit
@@ -152,9 +149,8 @@ class RestPoints:
         return min(points, key=lambda point: float((point.q - q) @ M @ (point.q - q)))
 
     def typed(self, q: Floats, closed: tuple[int, ...]) -> FoundPoint | None:
-        """The point of rest at a configuration (n,) with its type, where curvatures vanish to more digits; closed: the
-        contacts that press there. None where it is none, and where numbers are too large or too small to look at
-        it."""
+        """The point of rest at a configuration (n,) with its type, where curvatures vanish to more digits; None where
+        it is none, and where numbers are too large or too small. closed: the contacts that press there."""
         try:
             scales = rest_equations.scales(self._asked, self._start.state.q)
         except diagnostics.ModelError:

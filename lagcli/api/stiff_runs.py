@@ -60,8 +60,7 @@ class _Followed(NamedTuple):
 
 
 def limit(model: Model, chosen: Simulation, plan: LimitPlan) -> StiffLimit:
-    """The limit of one row. Raises `diagnostics.ModelError` where the row has none, `ValueError` for a name there is
-    not."""
+    """The limit of one row. Raises `ModelError` where the row has none, `ValueError` for a name there is not."""
     for law in model.inequality:
         if law.members.count:
             raise diagnostics.error(

@@ -1,4 +1,4 @@
-"""The engines of a sweep, which exist elsewhere: this process, processes of this machine, any executor.
+"""The engines of a sweep: this process, processes of this machine, any executor.
 
 Points go out in parts and come back in their order; how many are under way is bounded, so that memory is.
 """
@@ -71,8 +71,7 @@ class Engine:
 
 @contextlib.contextmanager
 def local(jobs: int) -> Iterator[Engine]:
-    """The engine of this machine: this process for one job, else processes, which end with this one. Raises
-    `ValueError`."""
+    """The engine of this machine: this process, or so many that end with this one. Raises `ValueError`."""
     if jobs < 1 or jobs != int(jobs):
         raise ValueError("jobs: a whole number of processes is needed, 1 or more")
     if jobs == 1:

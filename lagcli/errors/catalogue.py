@@ -7,8 +7,7 @@ A page has the keys
 - `example`: a model that gives this code and no other error; `old` a part of it, and `new` what fixes it.
 - `severity`: "error" unless it is a "warning" or "note" of a model, or the "stop" of a run.
 - `stage`: where the code arises: while the model is "read" (unless another is given), at the "start" of a count or
-  run, in a "run", or from an "input" that is no text of a page (a directory, a huge file); then the example is what
-  was typed.
+  run, in a "run", or from an "input" that is no text (a directory, a huge file); then the example is what was typed.
 """
 
 from __future__ import annotations
@@ -180,10 +179,7 @@ LAST = max(LINES)
 
 
 def line(code: str) -> str | None:
-    """The line of an equation named `D.24` or `(D.24)`; None for a text of another form.
-
-    Raises `ValueError` for a number that no equation has.
-    """
+    """The line of an equation named `D.24` or `(D.24)`; None for another text. Raises `ValueError` for no equation."""
     found = re.fullmatch(r"\(?[Dd]\.(\d{1,3})\)?", code.strip())
     if found is None:
         return None

@@ -1,7 +1,6 @@
 """The errors and warnings about a model file: located, coded, collected, and raised once.
 
-A diagnostic is data. How it looks on a terminal is decided here too (`render`), so that every entrance of the
-program prints the same thing; what a code means at length stands in `catalogue`.
+How a diagnostic looks on a terminal is decided here too (`render`); what a code means at length stands in `catalogue`.
 """
 
 from __future__ import annotations
@@ -220,10 +219,7 @@ def nearest(word: str, known: Iterable[str]) -> str:
 
 
 def leave_arithmetic_unsaid() -> None:
-    """For this process: NumPy's own warnings of operations without a number are no words for a user.
-
-    A value that is no number is judged where it is used, and refused or told there with the name of what it is.
-    """
+    """For this process: no warnings of NumPy. A value that is no number is judged, and named, where it is used."""
     operations = "(overflow|underflow|invalid value|divide by zero) encountered"
     warnings.filterwarnings("ignore", operations, RuntimeWarning)
 

@@ -1,8 +1,4 @@
-"""Oldest versions of the libraries that lagcli works with, and the refusal of older ones.
-
-The versions are those of pyproject.toml; each is the oldest one that the numeric tests, the gallery and the
-classification pass with.
-"""
+"""Oldest versions of the libraries that lagcli works with, those of pyproject.toml, and the refusal of older ones."""
 
 from __future__ import annotations
 

@@ -45,13 +45,11 @@ class Stats:
     / |dg_j| of the first integrals that are enforced, g_j being the integral less its value at the start;
     energy_imbalance: largest deviation from the energy balance over all rows, as a part of the energies exchanged,
     or None where the work within a step was not found; indeterminate: rows whose multipliers are not unique;
-    singular_times: times of singular configurations that were passed; stopped: why the run ended before its end;
-    ended_by: the name of the event that ended it; rows: how many there are up to t_end, the
-    time of the last one; provenance: model, program and settings behind it; accuracy: the estimate of the errors,
-    where it was asked for; assembled: what assembly changed in the start, where it was asked for; rtol and atol:
-    the tolerances, atol None where it is a part of the sizes of the motion; impacts, releases, accumulations:
-    numbers of such, by contact; largest_penetration: the largest -g over all rows, in units of g; warnings: why the
-    rows are not to be trusted.
+    singular_times: of configurations that were passed; stopped: why the run ended before its end; ended_by: the event
+    that ended it; rows: how many there are up to t_end; accuracy: the estimate of the errors, assembled: what assembly
+    changed in the start, where they were asked for; atol: None where it is a part of the sizes of the motion; impacts,
+    releases, accumulations: numbers of such, by contact; largest_penetration: the largest -g over all rows, in units
+    of g; warnings: why the rows are not to be trusted.
     """
 
     steps: int

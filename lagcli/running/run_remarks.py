@@ -1,5 +1,4 @@
-"""Sentences on a run: what is to be known of its multipliers, and why it stopped where the equations say more of that
-than the numbers of its last step."""
+"""Sentences on a run: what is to be known of its multipliers and its energy, and why it stopped."""
 
 from __future__ import annotations
 
@@ -96,8 +95,8 @@ def energy_warnings(error: float) -> tuple[RunWarning, ...]:
 
 
 def remarks(system: System, report: RunReport) -> tuple[str, ...]:
-    """Sentences on a run so far: multipliers that are not unique, singular configurations that were passed, rows that
-    are nearly dependent at its end, integrals that were not enforced all the time."""
+    """Sentences on a run so far: multipliers that are not unique, singular configurations, rows that are nearly
+    dependent at its end, integrals that were not enforced all the time."""
     sentences = []
     chosen = report.selection
     named = [dependency for dependency in (*chosen.dependencies, *chosen.idle) if len(dependency) > 1]
@@ -143,8 +142,8 @@ def remarks(system: System, report: RunReport) -> tuple[str, ...]:
 def amplified(report: RunReport) -> float:
     """The part of velocities and multipliers that the rounding of positions may make at the time reached.
 
-    At an angle of the rows to dependent ones positions are moved across by their rounding over the angle, which is that
-    much over the angle again of what depends on it.
+    Positions are moved across by their rounding over the angle of the rows to dependent ones, and what depends on them
+    by that over the angle again.
     """
     return step_tolerance.UNIT / max(report.rank_margin, step_tolerance.UNIT) ** 2
 

@@ -81,9 +81,8 @@ class RunRequest:
         )
 
     def locked(self) -> contextlib.ExitStack:
-        """Locks on what a run writes for long: its checkpoint, and the tables with rows beside them. To be closed when
-        the run has ended. Raises `write_guard.WriteError` where somebody else writes one of them, or the checkpoint
-        that is read."""
+        """Locks on what a run writes for long, its checkpoint and tables with rows beside them, until it has ended.
+        Raises `write_guard.WriteError` where somebody else writes one of them, or the checkpoint that is read."""
         with contextlib.ExitStack() as locks:
             if self.checkpoint is not None or self.resume is not None:
                 for name in (self.checkpoint, self.file, self.events_file):

@@ -204,8 +204,7 @@ class SafeTable:
                 self._rows.write(self._plan.numbers(rows, texts))
 
     def finish(self, planned: int | None = None) -> None:
-        """All rows are there, so many as were `planned`, where that is known; a file does not yet stand in its
-        place."""
+        """All rows are there, so many as were `planned`, if known; a file does not yet stand in its place."""
         with self._writing():
             self._sink.finish(planned)
 
@@ -215,8 +214,7 @@ class SafeTable:
             self._sink.commit(durably=self._rows is not None or self.first is not None)
 
     def leave_rows(self, is_complete: bool) -> None:
-        """The last checkpoint is written: rows beside a complete table are needed no more, nor is what a run before
-        left of it."""
+        """The last checkpoint is written: what is beside a complete table is needed no more."""
         if self._rows is not None:
             if is_complete:
                 self._rows.remove()
@@ -252,10 +250,9 @@ class SafeTable:
 def opened_table(
     plan: TablePlan, provenance: Mapping[str, object], first: RowsBefore | None = None
 ) -> Iterator[SafeTable]:
-    """A table in a file or on standard output; trouble with it is reported with its name. Raises `BadRequest` where a
-    library for its format is missing.
+    """A table in a file or on standard output. Raises `BadRequest` where a library for its format is missing.
 
-    Interrupts are held back inside but in `interrupts.window`.
+    Trouble inside is reported with its name, and interrupts are held back but in `interrupts.window`.
     """
     file = plan.file
     with contextlib.ExitStack() as stack:
@@ -276,8 +273,7 @@ def opened_table(
 def write(
     output: str, names: Sequence[str], rows: Floats, provenance: Mapping[str, object], is_partial: bool
 ) -> str:
-    """Write the rows of the table of `--output`, `-` for standard output; one of a run that stopped is saved beside the
-    file.
+    """Write the table of `--output`, `-` for standard output; one of a run that stopped is saved beside the file.
 
     Returns where that is, as a part of a sentence, or nothing. Raises as `opened_table`, and `WriteError`.
     """

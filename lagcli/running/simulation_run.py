@@ -185,8 +185,7 @@ class SimulationRun:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Remarks so far: multipliers that are not unique, singular configurations that were passed,
-        integrals that are not enforced all the time."""
+        """Remarks so far; see `run_remarks.remarks`."""
         return run_remarks.remarks(self.built, self.report)
 
     @property

@@ -41,8 +41,7 @@ class States:
 
 
 def size(model: Model, columns: Sequence[str], rows: Floats) -> float:
-    """The largest position or the largest speed in a table (T, columns), what is smaller, but not zero; 1 where nothing
-    moves at the origin, and where no such column is there."""
+    """The smaller one of the largest position and the largest speed in a table (T, columns) that is not zero, or 1."""
     found = []
     for kind in map(frozenset, model.state_columns):
         values = np.abs(rows[:, [i for i, name in enumerate(columns) if name in kind]])

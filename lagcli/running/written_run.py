@@ -324,8 +324,7 @@ class WrittenRun:
             figure_page.write(path, drawn)
 
     def _account_of_ended(self, error: BaseException) -> str:
-        """Write the account of the rows that are kept of a run that this has ended; what fails here does not hide it,
-        and is returned."""
+        """Write the account of a run that this has ended; what fails here does not hide it, and is returned."""
         run, outcome = self._run, self._outcome
         reason, code = str(error), NOT_WRITTEN
         if isinstance(error, interrupts.Interrupted):
@@ -349,8 +348,7 @@ class WrittenRun:
         return ""
 
     def _write_account(self, stats: Stats) -> None:
-        """Write what `--stats` and `--json` ask for. A signal waits for it, but not long for a reader who takes
-        nothing."""
+        """Write what `--stats` and `--json` ask for. A signal waits for it, but not long for a reader."""
         request = self._request
         with interrupts.shielded(interrupts.PATIENCE):
             if request.stats is not None:

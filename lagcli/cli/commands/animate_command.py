@@ -98,8 +98,7 @@ def animate(
 
 
 def _writer(file: str | None) -> Callable[[pathlib.Path | None, Scene], None]:
-    """The function that writes a scene, by the ending; it is known before any work whether a film can be written.
-    Raises `exits.UsageError`."""
+    """The function that writes a scene, by the ending. Raises `exits.UsageError` for a film that nothing writes."""
     fmt = formats.of(pathlib.Path(file), formats.ANIMATIONS) if file is not None else "html"
     if fmt != "html":
         # matplotlib takes a third of a second to load: only where a film is asked for.

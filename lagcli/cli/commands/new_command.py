@@ -1,5 +1,4 @@
-"""`lagcli new`: a commented start for a model; and files that a command makes for the user to go on with, never over
-another one in silence."""
+"""`lagcli new`: a commented start for a model; and files for the user to go on with, never over another in silence."""
 
 from __future__ import annotations
 
@@ -146,10 +145,7 @@ def write(
 
 
 def schema_beside(model: str) -> str:
-    """Write the schema into the folder of a model, where none is; the message about it, or nothing.
-
-    Raises `write_guard.WriteError`.
-    """
+    """Write the schema beside a model, where none is; the message about it, or nothing. Raises `WriteError`."""
     from lagcli.input import format_schema
 
     name = os.path.join(os.path.dirname(model), format_schema.FILE)

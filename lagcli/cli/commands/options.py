@@ -263,10 +263,9 @@ def follow(
 ) -> None:
     """Run a command, and again whenever one of the files is another one; it ends by an interrupt, or by `pause`.
 
-    The files are looked at several times a second: that works on every platform and file system, over a network, and
-    where an editor puts a new file into the place of the old one. What a run raises as commands may is printed, and the
-    next change is waited for. pause: waits for a moment; whatever it raises ends the watch. Raises `exits.UsageError`
-    for standard input.
+    The files are looked at several times a second: that works on every platform and file system, and where an editor
+    puts a new file into the place of the old one. What a run raises as commands may is printed. pause: waits for a
+    moment; whatever it raises ends the watch. Raises `exits.UsageError` for standard input.
     """
     if "-" in paths:
         raise exits.UsageError("--watch needs a file: standard input is read once")
