@@ -28,7 +28,6 @@ from lagcli.running.trajectory import SimulationStopped
 from lagcli.start import initial
 
 if TYPE_CHECKING:
-    from lagcli.api.static_points import RestPoints
     from lagcli.derivation.sections.linear_section import LinearPoint
 
 
@@ -130,15 +129,12 @@ def modes(
         raise ValueError("lowest: a number of modes is needed, 1 or more")
     if about not in ABOUT:
         raise ValueError(f"about: {', '.join(ABOUT[:-1])} or {ABOUT[-1]}")
-    from lagcli.api.static_points import RestPoints
-
     model = as_model(model)
     seconds = run_settings.seconds(limit)
     model = dataclasses.replace(model, simulation=run_settings.chosen(model, {"assemble": assemble}))
-    ready = cache.compiled(model)
-    here, closed, moved = start(ready, seconds)
-    functions, rest = _functions(ready, closed, seconds), RestPoints(ready, seconds)
-    found = _of_start(ready, functions, here, about, wanted, rest)
+    linearizing = _Linearizing(cache.compiled(model), seconds, wanted)
+    here, closed, moved = start(linearizing.ready, seconds)
+    found = linearizing.about_start(here, closed, about)
     if found is None:
         is_followed = here.q.size <= MOST_FOLLOWED and not closed
         if about == "start":
@@ -148,7 +144,7 @@ def modes(
                     f" coordinates: this one has {here.q.size}"
                 )
             raise NoEquilibriumError(f"{NO_MOTION}, and does not come back")
-        if about == "auto" and not reference.is_at_rest(here.q, here.v, _duration(ready)):
+        if about == "auto" and not reference.is_at_rest(here.q, here.v, linearizing.duration):
             line = f"lagcli modes {'MODEL' if model.path.startswith('<') else model.path} --about"
             follow = f"; to see if its motion comes back: `{line} start`" if is_followed else ""
             raise NoEquilibriumError(
@@ -156,128 +152,114 @@ def modes(
                 f" modes about the nearest equilibrium: `{line} equilibrium`{follow}"
             )
         note = AS_ASKED if about == "equilibrium" else NEAREST + (FOLLOW if is_followed else "")
-        found = _of_nearest(ready, seconds, note, wanted, rest)
+        found = linearizing.about_nearest(note)
     return dataclasses.replace(found, notes=(*moved, *found.notes))
 
 
-def _functions(ready: CompiledModel, closed: tuple[int, ...], limit: float) -> LinearizedFunctions:
-    """The linear equations, with the leaves of integrable differential rows as holonomic rows."""
-    return LinearizedFunctions(ready.system, closed, ready.first_integrals(limit).integrals)
+class _Linearizing:
+    """The modes of a compiled model, so many of a large one; limit: seconds for first integrals."""
 
+    def __init__(self, ready: CompiledModel, limit: float, wanted: int) -> None:
+        from lagcli.api.static_points import RestPoints
 
-def _duration(ready: CompiledModel) -> float:
-    return ready.system.model.simulation.duration or 1.0
+        self.ready, self._limit, self._wanted = ready, limit, wanted
+        self._rest = RestPoints(ready, limit)
+        self.duration = ready.system.model.simulation.duration or 1.0
 
+    def about_start(self, here: Reference, closed: tuple[int, ...], about: str) -> Modes | None:
+        """The modes about the start, where that is what is wanted and it goes on as it is or comes back."""
+        functions = self._functions(closed)
+        found = reference.classified(functions, self.ready.numeric, here, self.duration)
+        if found is not None and (about != "equilibrium" or found.kind == "equilibrium"):
+            where = "about the declared start, an instant of a steady motion"
+            if found.kind == "varying":
+                where = "about the declared start, which goes on as it is"
+            elif found.kind == "equilibrium":
+                where = "about the declared start, an equilibrium"
+            elif np.any(found.here.a):
+                where = (
+                    "about the motion from the declared start, which is uniformly accelerated: no steady motion, but"
+                    " its linear equations have constant coefficients"
+                )
+            return self._modes(functions, found, where)
+        if about == "equilibrium" or closed or (not np.any(here.v) and about != "start"):
+            return None
+        if here.q.size > MOST_FOLLOWED:
+            return None
+        orbit = floquet.FollowedMotion(functions, self._independent(here), here)
+        length = LONGEST * self.duration
+        if about != "start" and not orbit.is_steady(FIRST * length):
+            return None
+        path = orbit.path(length)
+        T = None if path is None else floquet.period(functools.partial(orbit.signature, path), length)
+        if T is None:
+            return None
+        return linear_modes.of_cycle(
+            orbit, T, ("about the motion from the declared start, which comes back",)
+        )
 
-def _of_start(
-    ready: CompiledModel,
-    functions: LinearizedFunctions,
-    here: Reference,
-    about: str,
-    wanted: int,
-    rest: RestPoints,
-) -> Modes | None:
-    """The modes about the start, where that is what is wanted and it goes on as it is or comes back."""
-    closed = functions.closed
-    found = reference.classified(functions, ready.numeric, here, _duration(ready))
-    if found is not None and (about != "equilibrium" or found.kind == "equilibrium"):
-        if found.kind == "varying":
-            notes = ("about the declared start, which goes on as it is", *_contacts(ready, closed))
-            return _varying(ready, functions, found, notes)
-        where = "about the declared start, an instant of a steady motion"
-        if found.kind == "equilibrium":
-            where = "about the declared start, an equilibrium"
-        elif np.any(found.here.a):
-            where = (
-                "about the motion from the declared start, which is uniformly accelerated: no steady motion, but its"
-                " linear equations have constant coefficients"
+    def about_nearest(self, note: str) -> Modes:
+        """The modes about the point of rest that the start leads to. Raises `NoEquilibriumError`."""
+        from lagcli.statics.refine import NoEquilibrium
+
+        system, point = self.ready.system, self._rest.nearest()
+        if isinstance(point, NoEquilibrium):
+            raise NoEquilibriumError(
+                "the start is no equilibrium, and none is found from it: the forces that"
+                f" are left are {point.residual:.3g} of their size at best"
+                + "".join(f"; {sentence}" for sentence in jump_warnings.out_of_sight(system))
             )
-        return _steady(functions, found, (where, *_contacts(ready, closed)), wanted, rest)
-    if about == "equilibrium" or closed or (not np.any(here.v) and about != "start"):
-        return None
-    if here.q.size > MOST_FOLLOWED:
-        return None
-    orbit = floquet.FollowedMotion(functions, _independent(ready, here), here)
-    length = LONGEST * _duration(ready)
-    if about != "start" and not orbit.is_steady(FIRST * length):
-        return None
-    path = orbit.path(length)
-    T = None if path is None else floquet.period(functools.partial(orbit.signature, path), length)
-    if T is None:
-        return None
-    return linear_modes.of_cycle(orbit, T, ("about the motion from the declared start, which comes back",))
+        begun, rows = initial.declared(system), len(system.rows.rows)
+        nothing = np.zeros_like(point.q)
+        here = Reference(begun.t, point.q, nothing, nothing, point.lam, begun.p)
+        functions = self._functions(tuple(j for j in point.closed if point.lam[rows + j] > 0))
+        there = reference.at_rest(functions, self.ready.numeric, here, self.duration)
+        found = self._modes(functions, there, note)
+        if found is None:
+            raise NoEquilibriumError(
+                "the linear equations about the nearest equilibrium depend on t without a period"
+            )
+        return found
 
-
-def _of_nearest(ready: CompiledModel, seconds: float, note: str, wanted: int, rest: RestPoints) -> Modes:
-    """The modes about the point of rest that the start leads to. Raises `NoEquilibriumError`."""
-    from lagcli.statics.refine import NoEquilibrium
-
-    point = rest.nearest()
-    if isinstance(point, NoEquilibrium):
-        raise NoEquilibriumError(
-            "the start is no equilibrium, and none is found from it: the forces that"
-            f" are left are {point.residual:.3g} of their size at best"
-            + "".join(f"; {sentence}" for sentence in jump_warnings.out_of_sight(ready.system))
+    def _functions(self, closed: tuple[int, ...]) -> LinearizedFunctions:
+        """The linear equations, with the leaves of integrable differential rows as holonomic rows."""
+        return LinearizedFunctions(
+            self.ready.system, closed, self.ready.first_integrals(self._limit).integrals
         )
-    begun, rows = initial.declared(ready.system), len(ready.system.rows.rows)
-    nothing = np.zeros_like(point.q)
-    here = Reference(begun.t, point.q, nothing, nothing, point.lam, begun.p)
-    closed = tuple(j for j in point.closed if point.lam[rows + j] > 0)
-    functions = _functions(ready, closed, seconds)
-    there = reference.at_rest(functions, ready.numeric, here, _duration(ready))
-    notes = (note, *_contacts(ready, closed))
-    if there.kind != "varying":
-        return _steady(functions, there, notes, wanted, rest)
-    found = _varying(ready, functions, there, notes)
-    if found is None:
-        raise NoEquilibriumError(
-            "the linear equations about the nearest equilibrium depend on t without a period"
-        )
-    return found
 
+    def _modes(self, functions: LinearizedFunctions, found: Steady, note: str) -> Modes | None:
+        """The modes, or, where the linear equations depend on t, the multipliers of their period, None without one.
 
-def _steady(
-    functions: LinearizedFunctions, found: Steady, notes: tuple[str, ...], wanted: int, rest: RestPoints
-) -> Modes:
-    """The modes about a motion whose linear equations do not depend on t. About an equilibrium higher derivatives are
-    looked at where the linear equations do not decide."""
-    if found.kind != "equilibrium" or found.here.q.size > linear_modes.DENSE:
-        return linear_modes.modes(functions, found, notes, wanted)
-    point = rest.typed(found.here.q, functions.closed)
-    if point is None or point.type.kind is None:
-        return linear_modes.modes(functions, found, notes, wanted)
-    if not point.type.is_regular:
-        here = dataclasses.replace(found.here, q=point.point.q, lam=point.point.lam)
-        found = dataclasses.replace(found, here=here, linear=functions.at(here))
-    is_minimum = point.type.kind == "minimum" and not point.dimension
-    return linear_modes.modes(functions, found, notes, wanted, is_minimum)
+        About an equilibrium higher derivatives are looked at where the linear equations do not decide.
+        """
+        notes: tuple[str, ...] = (note,)
+        n = found.here.q.size
+        if functions.closed:
+            names = ", ".join(f"`{self.ready.system.contacts.rows[j].name}`" for j in functions.closed)
+            notes += (f"contacts that press count as rows: {names}",)
+        if found.kind == "varying":
+            size = float(np.abs(found.linear.values).max(initial=0.0)) or 1.0
+            if functions.closed or n > MOST_FOLLOWED:
+                return None
+            T = floquet.period(
+                lambda s: functions.values(reference.moved(found.here, s)) / size, LONGEST * self.duration
+            )
+            if T is None:
+                return None
+            orbit = floquet.FollowedMotion(functions, self._independent(found.here), found.here)
+            return linear_modes.of_cycle(orbit, T, notes)
+        is_minimum: bool | None = None
+        if found.kind == "equilibrium" and n <= linear_modes.DENSE:
+            point = self._rest.typed(found.here.q, functions.closed)
+            if point is not None and point.type.kind is not None:
+                is_minimum = point.type.kind == "minimum" and not point.dimension
+                if not point.type.is_regular:
+                    here = dataclasses.replace(found.here, q=point.point.q, lam=point.point.lam)
+                    found = dataclasses.replace(found, here=here, linear=functions.at(here))
+        return linear_modes.modes(functions, found, notes, self._wanted, is_minimum)
 
-
-def _varying(
-    ready: CompiledModel, functions: LinearizedFunctions, found: Steady, notes: tuple[str, ...]
-) -> Modes | None:
-    """The multipliers where the linear equations have a period in t, or None."""
-    size = float(np.abs(found.linear.values).max(initial=0.0)) or 1.0
-    if functions.closed or found.here.q.size > MOST_FOLLOWED:
-        return None
-    T = floquet.period(
-        lambda s: functions.values(reference.moved(found.here, s)) / size, LONGEST * _duration(ready)
-    )
-    if T is None:
-        return None
-    orbit = floquet.FollowedMotion(functions, _independent(ready, found.here), found.here)
-    return linear_modes.of_cycle(orbit, T, notes)
-
-
-def _independent(ready: CompiledModel, here: Reference) -> NumericSystem:
-    """The functions with independent rows at a state."""
-    state = initial.State(here.t, here.q, here.v, here.p)
-    chosen = redundancy.begin(ready.system, ready.numeric, state).selection
-    return ready.numeric.keeping(dataclasses.replace(chosen, inactive=ready.numeric.selection.inactive))
-
-
-def _contacts(ready: CompiledModel, closed: tuple[int, ...]) -> tuple[str, ...]:
-    if not closed:
-        return ()
-    names = ", ".join(f"`{ready.system.contacts.rows[j].name}`" for j in closed)
-    return (f"contacts that press count as rows: {names}",)
+    def _independent(self, here: Reference) -> NumericSystem:
+        """The functions with independent rows at a state."""
+        system, numeric = self.ready.system, self.ready.numeric
+        chosen = redundancy.begin(system, numeric, initial.State(here.t, here.q, here.v, here.p)).selection
+        return numeric.keeping(dataclasses.replace(chosen, inactive=numeric.selection.inactive))

@@ -54,8 +54,19 @@ class Diagnostic:
         at = self.location
         head = f"{at.path}:{at.line}:{at.column}: {self.severity}[{self.code}]: "
         lines = [head + _shown(self.message)]
-        if at.source_line and not at.source_line.isspace():
-            lines += ["    " + text for text in _excerpt(at)]
+        line = at.source_line
+        if line and not line.isspace():
+            # The line and a caret below it, cut to a window around the spot where the line is long. Looked at alone: a
+            # line may have millions of characters, and some take no column.
+            spot = min(at.column - 1, len(line))
+            first, last = max(0, spot - EXCERPT_REACH), min(len(line), spot + EXCERPT_REACH)
+            plain = "".join(c if c.isprintable() else " " for c in line[first:last])
+            spot -= first
+            start, end = _window(list(map(columns, plain)), spot, is_whole=len(plain) == len(line))
+            before, after = ("..." if first + start else ""), ("..." if first + end < len(line) else "")
+            indent = len(before) + columns(plain[start:spot])
+            carets = max(1, columns(plain[spot : min(end, spot + at.length)]))
+            lines += [f"    {before}{plain[start:end]}{after}", " " * (4 + indent) + "^" * carets]
         if self.hint:
             lines.append(f"  hint: {_shown(self.hint)}")
         return "\n".join(lines)
@@ -77,21 +88,6 @@ def _shown(sentence: str) -> str:
     """A sentence that may quote a stranger's file: nothing in it steers the terminal or fills the screen."""
     plain = "".join(c if c.isprintable() else "\ufffd" for c in sentence[:SENTENCE_WIDTH])
     return plain + ("..." if len(sentence) > SENTENCE_WIDTH else "")
-
-
-def _excerpt(at: Location) -> tuple[str, str]:
-    """The source line and the caret line, cut to a window around the spot where the line is long."""
-    line = at.source_line
-    spot = min(at.column - 1, len(line))
-    # Looked at alone: a line may have millions of characters, and some take no column.
-    first, last = max(0, spot - EXCERPT_REACH), min(len(line), spot + EXCERPT_REACH)
-    plain = "".join(c if c.isprintable() else " " for c in line[first:last])
-    spot -= first
-    start, end = _window(list(map(columns, plain)), spot, is_whole=len(plain) == len(line))
-    before, after = ("..." if first + start else ""), ("..." if first + end < len(line) else "")
-    indent = len(before) + columns(plain[start:spot])
-    carets = columns(plain[spot : min(end, spot + at.length)])
-    return before + plain[start:end] + after, " " * indent + "^" * max(1, carets)
 
 
 def _window(widths: list[int], spot: int, is_whole: bool) -> tuple[int, int]:

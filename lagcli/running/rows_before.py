@@ -17,7 +17,7 @@ from lagcli.running.simulation_run import SimulationRun
 from lagcli.simulation.run_state.checkpoint import Checkpoint, CheckpointTable
 
 
-def _record(ready: SimulationRun, resume: str, plan: TablePlan) -> CheckpointTable | None:
+def record(ready: SimulationRun, resume: str, plan: TablePlan) -> CheckpointTable | None:
     """The words of the checkpoint about a table, where the run before wrote the same one."""
     point = ready.resumed
     if point is None or plan.file is None:
@@ -32,20 +32,20 @@ def before(ready: SimulationRun, resume: str, plan: TablePlan) -> RowsBefore | N
 
     Raises `BadRequest` where they do not fit together, for they would be lost.
     """
-    point, record = ready.resumed, _record(ready, resume, plan)
-    if point is None or record is None:
+    point, written = ready.resumed, record(ready, resume, plan)
+    if point is None or written is None:
         return None
     path, option_text = row_file.path_of(plan.path), f"{plan.option} {plan.file}"
     if not path.is_file():
         return None
     instead = f"give another file for the {plan.noun} after it alone"
-    if record.step != plan.step:
+    if written.step != plan.step:
         raise BadRequest(
-            f"{option_text}: the run before wrote rows {record.step:.9g} apart into it, and this one {plan.step:.9g};"
+            f"{option_text}: the run before wrote rows {written.step:.9g} apart into it, and this one {plan.step:.9g};"
             f" {instead}"
         )
-    if record.has_event_rows != plan.has_event_rows:
-        with_them, without = ("the run before", "this one")[:: 1 if record.has_event_rows else -1]
+    if written.has_event_rows != plan.has_event_rows:
+        with_them, without = ("the run before", "this one")[:: 1 if written.has_event_rows else -1]
         raise BadRequest(
             f"{option_text}: {with_them} writes rows of --event-rows into it, and {without} none; {instead}"
         )
@@ -61,7 +61,7 @@ def before(ready: SimulationRun, resume: str, plan: TablePlan) -> RowsBefore | N
             f"{option_text}: the run before went on to t = {reached:.9g} without a row at {end:.9g}, where this one"
             f" ends: give a longer duration, or {instead.removeprefix('give ')}"
         )
-    rows = row_file.SafeRows(record.count, record.checksum)
+    rows = row_file.SafeRows(written.count, written.checksum)
     try:
         with contextlib.closing(row_file.read(path, plan.names, rows)) as blocks:
             for _ in blocks:
@@ -71,17 +71,6 @@ def before(ready: SimulationRun, resume: str, plan: TablePlan) -> RowsBefore | N
     except OSError as error:
         raise BadRequest(f"{option_text}: cannot read {path}: {error.strerror}") from None
     return RowsBefore(path, rows, t_end)
-
-
-def require_saved_rows(ready: SimulationRun, resume: str, plan: TablePlan) -> None:
-    """Refuse to replace the table of the run before by the rows after it alone. Raises `BadRequest`."""
-    point = ready.resumed
-    if point is not None and _record(ready, resume, plan) is not None and plan.path.is_file():
-        t = point.run_state.origin + point.run_state.row
-        raise BadRequest(
-            f"{plan.option} {plan.file}: that is the table of the run before, and a resumed run has only the"
-            f" {plan.noun} after t = {t:.9g}: give another file, or move that one away"
-        )
 
 
 def unfinished(ready: SimulationRun, request: RunRequest, plans: Sequence[TablePlan]) -> str:
@@ -118,13 +107,13 @@ def unfinished(ready: SimulationRun, request: RunRequest, plans: Sequence[TableP
 
 def _difference(ready: SimulationRun, resume: str, plan: TablePlan) -> str:
     """Name the difference of a complete table from the one this run writes, whose rows the checkpoint counts."""
-    point, record = ready.resumed, _record(ready, resume, plan)
-    if point is None or record is None:
+    point, written = ready.resumed, record(ready, resume, plan)
+    if point is None or written is None:
         return "the run before did not write it"
     end, t_end = ready.grid.end, point.run_state.origin + point.run_state.row
     if t_end != end and not ready.grid.is_rounding(t_end - end, end):
         return f"the run before ended at t = {t_end:.9g}"
-    if (record.step, record.has_event_rows) != (plan.step, plan.has_event_rows):
+    if (written.step, written.has_event_rows) != (plan.step, plan.has_event_rows):
         return "the run before wrote other rows into it"
     try:
         found = table_format.opened(plan.path)
@@ -138,7 +127,7 @@ def _difference(ready: SimulationRun, resume: str, plan: TablePlan) -> str:
     except (*table_format.UNREADABLE, OSError) as error:
         return str(error)
     is_known = all(set(cells) <= set(words) for cells, words in zip(texts, plan.words.values(), strict=True))
-    safe = row_file.SafeRows(record.count, record.checksum)
+    safe = row_file.SafeRows(written.count, written.checksum)
     if is_known and row_file.of_rows(plan.names, plan.numbers(rows, texts)) == safe:
         return ""
     return "its rows are not those of the run before"

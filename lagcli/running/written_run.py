@@ -124,9 +124,14 @@ class WrittenRun:
                     raise BadRequest(f"--resume {resume}: {error}; {reason}") from None
                 self._is_over = True
                 return None, None
+        t_end = run.resumed.run_state.origin + run.resumed.run_state.row
         for plan in plans:
-            if found[plan.option] is None:
-                rows_before.require_saved_rows(run, resume, plan)
+            is_known = found[plan.option] is None and rows_before.record(run, resume, plan) is not None
+            if is_known and plan.path.is_file():
+                raise BadRequest(
+                    f"{plan.option} {plan.file}: that is the table of the run before, and a resumed run has only the"
+                    f" {plan.noun} after t = {t_end:.9g}: give another file, or move that one away"
+                )
         return found.get("--output"), found.get("--events")
 
     def _beginning(self) -> Iterator[str]:

@@ -33,8 +33,7 @@ from lagcli.cli.terminal import console, exits
 from lagcli.errors import catalogue, diagnostics
 from lagcli.output.figures import figure_page
 from lagcli.output.files import formats, interrupts
-from lagcli.output.tables import sinks
-from lagcli.running import run_request
+from lagcli.output.tables import sinks, table_format
 from tests.helpers import pendulum
 
 PENDULUM = pendulum.PENDULUM + "simulation: {duration: 0.5, samples: 6}\n"
@@ -835,8 +834,7 @@ def test_columns_choose_by_name_where_brackets_are_letters(
     wrong = lagcli("simulate", "model.yaml", "--columns", "lambda.rodd")
     assert "lambda.rod" in wrong.err
     # Names with brackets, as of families: the whole contract of the patterns is tested with the export.
-    options = run_request.RunRequest(columns="p[1].*")
-    assert options.picked(("t", "p[1].x", "p1.x")) == [1]
+    assert table_format.select(("t", "p[1].x", "p1.x"), "p[1].*", ()) == [1]
 
 
 STATS_KEYS = [

@@ -83,7 +83,9 @@ def test_sparse_and_dense_algebra_agree_with_rows_that_are_dependent() -> None:
     model = lagcli.loads(text)
     ready = cache.compiled(model)
     here, closed, _ = find_modes.start(ready, 1.0)
-    found = reference.classified(find_modes._functions(ready, closed, 1.0), ready.numeric, here, 1.0)
+    found = reference.classified(
+        find_modes._Linearizing(ready, 1.0, 20)._functions(closed), ready.numeric, here, 1.0
+    )
     assert found is not None
     linear: Linear = found.linear
     some = lowest.modes(linear, 8)

@@ -41,7 +41,20 @@ def models(
             "this installation holds no gallery: install the wheel, or run from a checkout"
         )
     if name is None:
-        _list(gallery, as_json, quiet)
+        # All models by subject
+        if as_json:
+            print(formats.json_line({"models": [_described(one) for one in gallery]}))
+            return
+        width = max(len(one.name) for one in gallery) + 2 * INDENT
+        subject = ""
+        for one in gallery:
+            if one.subject != subject:
+                print(*([""] if subject else []), one.subject, sep="\n" if subject else "")
+                subject = one.subject
+            line = f"{'':{INDENT}}{one.name:{width - INDENT}}{one.teaches}"
+            print(textwrap.fill(line, console.width(), subsequent_indent=" " * width, break_long_words=False))
+        if not quiet:
+            exits.print_err("`lagcli models NAME` prints a model, `lagcli models NAME -o FILE` copies it")
         return
     model = first_models.find(name)
     if model is None:
@@ -63,23 +76,6 @@ def models(
         if not no_schema:
             messages.append(new_command.schema_beside(output))
         exits.print_err_all(() if quiet else filter(None, messages))
-
-
-def _list(models: tuple[GalleryModel, ...], as_json: bool, quiet: bool) -> None:
-    """Print all models by subject."""
-    if as_json:
-        print(formats.json_line({"models": [_described(model) for model in models]}))
-        return
-    width = max(len(model.name) for model in models) + 2 * INDENT
-    subject = ""
-    for model in models:
-        if model.subject != subject:
-            print(*([""] if subject else []), model.subject, sep="\n" if subject else "")
-            subject = model.subject
-        line = f"{'':{INDENT}}{model.name:{width - INDENT}}{model.teaches}"
-        print(textwrap.fill(line, console.width(), subsequent_indent=" " * width, break_long_words=False))
-    if not quiet:
-        exits.print_err("`lagcli models NAME` prints a model, `lagcli models NAME -o FILE` copies it")
 
 
 def _described(model: GalleryModel) -> dict[str, object]:

@@ -96,12 +96,12 @@ def _option(name: str, kind: object, row: settings.RunSetting) -> inspect.Parame
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
 
 
-def file(help_line: str) -> Any:
+def file(help_line: str) -> object:
     """An option, called as its parameter, that takes the name of a file."""
     return typer.Option(metavar="FILE", help=help_line)
 
 
-def output(help_line: str) -> Any:
+def output(help_line: str) -> object:
     """The option -o, --output."""
     return typer.Option("-o", "--output", metavar="FILE", help=help_line)
 

@@ -41,7 +41,9 @@ def showing(quiet: bool) -> Iterator[None]:
 def erase() -> None:
     """Take the line off the terminal, from any thread: the process is about to end."""
     for line in _shown:
-        line.erase_at_once()
+        if line.is_shown:  # without waiting for whoever draws it
+            with contextlib.suppress(OSError):
+                os.write(2, ERASE.encode())
 
 
 interrupts.before_end(erase)
@@ -54,7 +56,7 @@ class Status:
         self._lock = threading.Lock()
         self._names: list[str] = []
         self._began = time.monotonic()
-        self._is_shown, self._text = False, ""
+        self.is_shown, self._text = False, ""
         self._closed = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -70,21 +72,15 @@ class Status:
         """The innermost phase has ended; after the last one others may write on the terminal."""
         with self._lock:
             self._names.pop()
-            if self._is_shown and not self._names:
+            if self.is_shown and not self._names:
                 self._write(ERASE)
-                self._is_shown, self._text = False, ""
+                self.is_shown, self._text = False, ""
 
     def close(self) -> None:
         """Nothing more is shown."""
         self._closed.set()
         if self._thread is not None:
             self._thread.join()
-
-    def erase_at_once(self) -> None:
-        """Take the line away without waiting for whoever draws it."""
-        if self._is_shown:
-            with contextlib.suppress(OSError):
-                os.write(2, ERASE.encode())
 
     def _watch(self) -> None:
         while not self._closed.wait(TICK):
@@ -94,7 +90,7 @@ class Status:
                     continue
                 text = f"{self._names[-1]} ... {seconds:.0f} s"
                 if text != self._text:
-                    self._is_shown, self._text = True, text
+                    self.is_shown, self._text = True, text
                     # A line that is folded could not be erased.
                     self._write(ERASE + text[: console.stderr_width() - 1])
 
