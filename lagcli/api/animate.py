@@ -7,11 +7,11 @@ import pathlib
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.api import run_settings, simulate
 from lagcli.api.load import Path, as_model
+from lagcli.arrays import Complex, Floats
 from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.auditing.evidence.model_values import ModelIndex, ModelOnTable
 from lagcli.linearization.linear_modes import Modes
@@ -23,8 +23,6 @@ from lagcli.output.figures import labels
 from lagcli.running import table_columns
 from lagcli.running.trajectory import SimulationStopped
 
-Floats = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 Table = Mapping[str, Floats]
 
 MOST_FRAMES = 1201  # ten seconds of 120 a second

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from typing import Unpack
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import progress
 from lagcli.api import prepare_run, run_settings
 from lagcli.api.load import Path, as_model
 from lagcli.api.simulate import simulate
+from lagcli.arrays import Floats
 from lagcli.auditing import all_checks, rest_audit
 from lagcli.auditing.checks.audit_report import Audit
 from lagcli.auditing.evidence import table_input, tolerances
@@ -26,8 +26,6 @@ from lagcli.running.trajectory import SimulationStopped, Trajectory
 from lagcli.simulation import error_estimate
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.scheme import step_tolerance
-
-Floats = npt.NDArray[np.float64]
 
 MOST_AUDITED = 20001  # rows of a run that is made to be audited, where the model asks for fewer
 

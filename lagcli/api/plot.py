@@ -10,12 +10,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli.api import reductions
 from lagcli.api import run_settings as model_settings
 from lagcli.api.load import Path
 from lagcli.api.simulate import as_far, simulate
+from lagcli.arrays import Floats
 from lagcli.expression.tree import ExpressionError
 from lagcli.model.model import Model
 from lagcli.output.figures import chart_table, compose
@@ -30,7 +30,6 @@ from lagcli.running.trajectory import Trajectory
 if TYPE_CHECKING:
     from lagcli.output.figures.figure_page import NotebookFigure
 
-Floats = NDArray[np.float64]
 _NAME = re.compile(r"[^\W\d]\w*")
 
 

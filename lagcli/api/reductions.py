@@ -15,12 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import memory, yaml_tree
+from lagcli.arrays import Floats
 from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, functions, parser, tokens, tree
 from lagcli.expression.evaluate import Operators, Value
 from lagcli.expression.tree import ExpressionError
 
-Floats = npt.NDArray[np.float64]
 Array = npt.NDArray[np.float64]
 Reference = tree.Name | tree.Member | tree.Index
 

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import progress
 from lagcli.analysis import redundancy
@@ -16,6 +15,7 @@ from lagcli.analysis.classification import classify
 from lagcli.api import cache, run_settings
 from lagcli.api.cache import CompiledModel
 from lagcli.api.load import Path, as_model
+from lagcli.arrays import Floats
 from lagcli.equations import jump_warnings, level_functions
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
@@ -42,8 +42,6 @@ from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
 from lagcli.statics.rest_equations import RestEquations
 from lagcli.statics.static_problem import EnforcedLevel, StaticLaws, StaticProblem
 from lagcli.statics.static_report import Origin, PointColumns, StaticPoint, StaticReport, Value
-
-Floats = npt.NDArray[np.float64]
 
 STARTS, SEED, MOST_STARTS = 32, 0, 100_000  # the first two by default
 MODERATE = 1e4  # levels of this size are not measured by it

@@ -16,6 +16,7 @@ from lagcli import doubles
 from lagcli.analysis.classification.verdict import KnownIntegrals
 from lagcli.api import prepare_run
 from lagcli.api.cache import CompiledModel
+from lagcli.arrays import Floats
 from lagcli.errors import diagnostics
 from lagcli.formulations import stiff_ladder, stiff_system
 from lagcli.formulations.stiff_ladder import Rung, StiffLimit
@@ -25,8 +26,6 @@ from lagcli.model.settings import Simulation
 from lagcli.running import table_columns
 from lagcli.running.simulation_run import SimulationRun
 from lagcli.simulation.run_state import run_stop
-
-Floats = npt.NDArray[np.float64]
 
 # Rows in a swing, by which means are taken, and the most rows of a run.
 IN_A_SWING, MOST_ROWS = 16, 400_000

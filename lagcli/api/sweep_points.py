@@ -12,15 +12,14 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.errors import diagnostics
 from lagcli.expression import parser, tree
 from lagcli.expression.tree import ExpressionError
 from lagcli.input import given_expression
 from lagcli.model.model import Model
 
-Floats = npt.NDArray[np.float64]
 Point = tuple[float, ...]
 
 UNCERTAIN = "--uncertain"

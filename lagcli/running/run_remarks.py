@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from lagcli.simulation.run_entry import RunReport
     from lagcli.simulation.run_state.run_stop import Stop
 
-Floats = npt.NDArray[np.float64]
 
 CODE = "energy-not-kept"
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import pathlib
-from collections.abc import Iterator
 
 from lagcli.frozen import frozen
 from lagcli.model import settings
@@ -76,8 +75,33 @@ class RunRequest:
         ):
             if name == "-":
                 raise BadRequest(f"{option}: a file name is needed{instead}")
+        tables = (("--output", self.file), ("--events", self.events_file))
+        others = (
+            ("--plot", self.plot),
+            ("--stats", self.stats),
+            ("--checkpoint", self.checkpoint),
+            ("--resume", self.resume),
+        )
+        files = [
+            write_guard.File(option, name, is_written=option != "--resume")
+            for option, name in (*tables, *others)
+            if name is not None
+        ]
+        # Those that belong to others
+        for option, name in tables:
+            if name is None or not atomic_file.is_replaced(pathlib.Path(name)):
+                continue
+            table = pathlib.Path(os.path.realpath(name))
+            derived = [atomic_file.partial_of(table)]
+            if self.checkpoint is not None or self.resume is not None:
+                # Only here are rows kept, or those that were kept removed.
+                from lagcli.output.tables import row_file
+
+                derived.append(row_file.path_of(table))
+            for path in derived:
+                files.append(write_guard.File(option, os.fspath(path), is_written=True, is_derived=True))
         write_guard.require_writable(
-            write_guard.model_file(model), self._files(), frozenset(("--checkpoint", "--resume"))
+            write_guard.model_file(model), files, frozenset(("--checkpoint", "--resume"))
         )
 
     def locked(self) -> contextlib.ExitStack:
@@ -93,28 +117,3 @@ class RunRequest:
                 with write_guard.writing(self.resume):
                     atomic_file.require_free(pathlib.Path(self.resume))
             return locks.pop_all()
-
-    def _files(self) -> Iterator[write_guard.File]:
-        """All files of the request, those that belong to others after them."""
-        for option, name in (
-            ("--output", self.file),
-            ("--events", self.events_file),
-            ("--plot", self.plot),
-            ("--stats", self.stats),
-            ("--checkpoint", self.checkpoint),
-            ("--resume", self.resume),
-        ):
-            if name is not None:
-                yield write_guard.File(option, name, is_written=option != "--resume")
-        for option, name in (("--output", self.file), ("--events", self.events_file)):
-            if name is None or not atomic_file.is_replaced(pathlib.Path(name)):
-                continue
-            table = pathlib.Path(os.path.realpath(name))
-            derived = [atomic_file.partial_of(table)]
-            if self.checkpoint is not None or self.resume is not None:
-                # Only here are rows kept, or those that were kept removed.
-                from lagcli.output.tables import row_file
-
-                derived.append(row_file.path_of(table))
-            for path in derived:
-                yield write_guard.File(option, os.fspath(path), is_written=True, is_derived=True)

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.frozen import frozen_value
 from lagcli.output.files import atomic_file, interrupts, write_guard
 from lagcli.output.files.write_guard import BadRequest
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from lagcli.output.figures.chart import DecimatedRows
     from lagcli.output.tables.row_file import RowFile, SafeRows
 
-Floats = npt.NDArray[np.float64]
 
 EVERY = 30.0  # seconds
 

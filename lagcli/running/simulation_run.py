@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
@@ -28,8 +28,6 @@ from lagcli.start import consistent_start, lipschitz
 if TYPE_CHECKING:
     from lagcli.analysis.examined_start import ExaminedStart
     from lagcli.simulation.error_estimate import Accuracy
-
-Floats = npt.NDArray[np.float64]
 
 
 class SimulationRun:

@@ -7,12 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.model.model import Model
-
-Floats = npt.NDArray[np.float64]
 
 # A part of the largest force, or speed, that sums of some hundred roundings may leave.
 # `tests/unit/test_drawing_thresholds.py::test_a_reaction_far_below_the_weight_is_zero` fails at 1e-12 and 1e-14.

@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.errors import diagnostics
 from lagcli.output.figures.chart import DecimatedRows
 from lagcli.output.files import atomic_file
@@ -26,8 +26,6 @@ from lagcli.simulation.run_state import run_stop
 if TYPE_CHECKING:
     from lagcli.output.figures.figure_page import NotebookFigure
     from lagcli.running.simulation_run import SimulationRun
-
-Floats = npt.NDArray[np.float64]
 
 
 class Trajectory(dict[str, Floats]):

@@ -273,14 +273,11 @@ def follow(
 
     def stamps() -> list[tuple[int, int, int] | None]:
         """Time of change, size and number of each file, by which it is known again; None where it is not there."""
-        marks: list[tuple[int, int, int] | None] = []
-        for path in paths:
-            try:
+        marks: list[tuple[int, int, int] | None] = [None] * len(paths)
+        for i, path in enumerate(paths):
+            with contextlib.suppress(OSError):
                 found = os.stat(path)
-            except OSError:
-                marks.append(None)
-            else:
-                marks.append((found.st_mtime_ns, found.st_size, found.st_ino))
+                marks[i] = (found.st_mtime_ns, found.st_size, found.st_ino)
         return marks
 
     while True:
