@@ -16,7 +16,7 @@ PACKAGE = ROOT / "lagcli"
 
 # Bottom first: a package imports only from packages before it; files of one package import each other in no circle.
 ROOMS = tuple(
-    "doubles frozen memory progress errors yaml_tree expression model input smoothness equations compiled linear"
+    "arrays doubles frozen memory progress errors yaml_tree expression model input smoothness equations compiled linear"
     " contact start pfaffian simulation statics analysis auditing linearization output running formulations"
     " derivation reporting api cli __main__".split()
 )
