@@ -121,12 +121,20 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
     # Of a row that vanishes identically numbers see its rounding.
     effective = [i for i, name in enumerate(names) if name not in found.vanishing]
     holonomic_rows = list(range(system.holonomic_count))
+    is_holonomic = len(holonomic_rows) == len(names)
     lost = {i for i, name in enumerate(names) if name in found.lost}
     looked = holonomic_rows, effective, lost
     points, vanishing = [begin], ""
     on = _ranks(numeric, points, *looked)
     surface = codimension.examine(system, numeric, begin)
-    found = found.doubted(*_beside_deficient(system, surface))
+    if surface.kind == "deficient" and not is_holonomic:
+        # Verdicts on differential rows beside these came from more directions than the surface has.
+        numbers, coordinates = row_block.coordinates(system)
+        among = np.isin(coordinates, surface.coordinates) & (numbers >= system.holonomic_count)
+        beside = frozenset(names[i] for i in numbers[among].tolist())
+        rows = initial.names_of(system, surface.rows)
+        why = f"it meets coordinates of the rows {rows}, whose gradients leave more directions than there are"
+        found = found.doubted(beside, why)
     # Whether differential rows follow from rows before them, where doubles tell another rank than algebra and digits.
     known = [] if found.undecided else [group for group in found.groups if group.following is not None]
     exact = {name: name in (group.following or ()) for group in known for name in group.rows}
@@ -149,7 +157,7 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
         vanishing = (
             f"`{names[min(lost)]}` vanishes at the start, and no point was found nearby where it does not"
         )
-    is_holonomic = len(holonomic_rows) == len(names)
+    # Why the count is open, and its bounds.
     open_reason = surface.reason or _undecided_tip(numeric, begin, holonomic_rows) or vanishing
     open_reason = open_reason or _undecided_rank(on, surface, is_holonomic, exact)
     rank_beyond = found.flag[0] if exact else on.highest[1] - on.highest[0]
@@ -161,6 +169,14 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
     if not open_reason and bounds[0] == bounds[1]:
         reason = ""  # whichever of the rows are integrable
     decided, s = reason == "", n - bounds[1]
+    # What is said of it.
+    here, nearby = on.everything[0].value, on.highest[1]
+    if surface.kind == "singular":
+        nearby = (surface.codimension or 0) + rank_beyond
+    notes = [*surface.notes, *found.notes]
+    if here is not None and here < nearby:
+        special = "the start is a special configuration: the rows have rank"
+        notes.insert(0, f"{special} {here} there and {nearby} nearby")
     generic = max(range(len(points)), key=lambda i: on.everything[i].low)
     redundant = _redundant(numeric, points[generic], effective, surface)
     redundant = [i for i, name in enumerate(names) if exact.get(name, i in redundant)]
@@ -181,7 +197,7 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
         reason=reason,
         redundant_rows=tuple(names[i] for i in redundant if decided),
         start_rank=on.everything[0].value,
-        notes=() if open_reason else (*_notes(on, surface, rank_beyond), *found.notes),
+        notes=() if open_reason else tuple(notes),
         rows=len(holonomic_rows),
         rank=surface.codimension or 0 if surface.kind == "singular" else surface.rank,
         contacts=system.contacts.count,
@@ -277,30 +293,6 @@ def _undecided_rows(found: Classification, rank_beyond: int) -> str:
     if found.flag[0] != rank_beyond:
         return f"the differential rows have rank {found.flag[0]} by algebra and {rank_beyond} by numbers"
     return ""
-
-
-def _beside_deficient(system: System, surface: Codimension) -> tuple[frozenset[str], str]:
-    """The differential rows on coordinates of rows whose rank is below their codimension, and why they are open.
-
-    Their verdicts came from more directions than the surface has.
-    """
-    if surface.kind != "deficient" or system.holonomic_count == len(system.rows.rows):
-        return frozenset(), ""
-    numbers, coordinates = row_block.coordinates(system)
-    among = np.isin(coordinates, surface.coordinates) & (numbers >= system.holonomic_count)
-    names = initial.names_of(system, surface.rows)
-    return (
-        frozenset(system.rows.rows[int(i)].name for i in numbers[among]),
-        f"it meets coordinates of the rows {names}, whose gradients leave more directions than there are",
-    )
-
-
-def _notes(on: _Ranks, surface: Codimension, rank_beyond: int) -> tuple[str, ...]:
-    here, total = on.everything[0].value, on.highest[1]
-    if surface.kind == "singular":
-        total = (surface.codimension or 0) + rank_beyond
-    special = f"the start is a special configuration: the rows have rank {here} there and {total} nearby"
-    return ((special,) if here is not None and here < total else ()) + surface.notes
 
 
 def _undecided_tip(numeric: NumericSystem, state: State, holonomic_rows: list[int]) -> str:

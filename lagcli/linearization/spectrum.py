@@ -133,43 +133,26 @@ def compute(free: Freedoms) -> Spectrum:
     is_skew = _near(C + C.T, C, _size(K) ** 0.5)
     m, k = free.N.shape
     is_conservative = m == k and is_symmetric and is_skew
-    squares = np.linalg.eigvalsh((K + K.T) / 2) if K.size else np.zeros(0)
+    squares, modes = np.linalg.eigh((K + K.T) / 2)
     least = max(floor(len(K)) * float(np.abs(squares).max(initial=0.0)), free.noise)
     is_definite = not c and bool((squares > least).all())
-    if is_conservative and _size(C) <= doubles.ZERO * _size(K) ** 0.5:
-        values, shapes, still = _at_rest(free)
+    if is_conservative and _size(C) <= doubles.ZERO * _size(K) ** 0.5:  # K x = w^2 x
+        moving = np.abs(squares) > least
+        roots = np.sqrt(-squares[moving].astype(complex))
+        own = free.Z[:, c:] @ modes
+        values, shapes = np.concatenate([roots, -roots]), np.tile(own[:, moving].astype(complex), 2)
+        still = np.hstack([free.Z[:, :c], own[:, ~moving]])
     elif is_conservative and is_definite:
-        values, shapes = _turning(free)
+        # x'' + C x' + K x = 0 with C skew and K positive: in (K^(1/2) x, x') the matrix is skew.
+        root = modes * np.sqrt(squares) @ modes.T
+        skew = np.block([[np.zeros((m, m)), root], [-root, -(C - C.T) / 2]])
+        # i S is Hermitian: S y = i w y with -w an eigenvalue of it.
+        negative, states = np.linalg.eigh(1j * skew)
+        values, shapes = -1j * negative, free.Z @ np.linalg.solve(root, states[:m])
         still = np.zeros((len(free.Z), 0))
     else:
         values, shapes, still = _general(free)
     return Spectrum(values, shapes, m + k - values.size, still, m, is_definite, is_conservative)
-
-
-def _at_rest(free: Freedoms) -> tuple[Complex, Complex, Floats]:
-    """The spectrum of K x = w^2 x."""
-    c = free.cyclic
-    K = free.K[c:, c:]
-    squares, modes = np.linalg.eigh((K + K.T) / 2)
-    least = max(floor(len(K)) * float(np.abs(squares).max(initial=0.0)), free.noise)
-    moving = np.abs(squares) > least
-    roots = np.sqrt(-squares[moving].astype(complex))
-    own = free.Z[:, c:] @ modes
-    shapes = own[:, moving].astype(complex)
-    still = np.hstack([free.Z[:, :c], own[:, ~moving]])
-    return np.concatenate([roots, -roots]), np.hstack([shapes, shapes]), still
-
-
-def _turning(free: Freedoms) -> tuple[Complex, Complex]:
-    """The spectrum of x'' + C x' + K x = 0 with C skew and K positive: in (K^(1/2) x, x') the matrix is skew."""
-    squares, modes = np.linalg.eigh((free.K + free.K.T) / 2)
-    root = modes * np.sqrt(squares) @ modes.T
-    m = len(root)
-    skew = np.block([[np.zeros((m, m)), root], [-root, -(free.C - free.C.T) / 2]])
-    # i S is Hermitian: S y = i w y with -w an eigenvalue of it.
-    negative, states = np.linalg.eigh(1j * skew)
-    x = np.linalg.solve(root, states[:m])
-    return -1j * negative, np.asarray(free.Z @ x)
 
 
 def _general(free: Freedoms) -> tuple[Complex, Complex, Floats]:

@@ -73,7 +73,15 @@ class Classifier:
                 together = dataclasses.replace(together, following=following)
         else:
             assert numbers is not None
-            together = self._by_numbers(names, block, flagged, numbers, single, solved)
+            if block is None or not numbers.is_certain:
+                together = self._numeric(names, numbers, single, solved)
+            elif flagged is None:
+                together = self._numeric(names, numbers, single, solved)
+                together = self._locality.of_motions(together, block, numbers, single)
+            elif locality.agree(flagged, numbers):
+                together = self._exact(block, flagged, single)
+            else:
+                together = JointVerdict(names, reason=self._locality.open_reason(flagged))
         if block is not declared:
             together = dataclasses.replace(together, notes=(EXCEPTIONAL, *together.notes))
         if declared is not None:
@@ -89,25 +97,6 @@ class Classifier:
         if found is not None and found.flagged.flag.contradiction:
             self._demand(group, found.flagged)
         return found
-
-    def _by_numbers(
-        self,
-        names: tuple[str, ...],
-        block: PfaffianBlock | None,
-        flagged: joint.Flagged | None,
-        numbers: NumericFlag,
-        single: list[frobenius.FormVerdict | None],
-        solved: tuple[FirstIntegral, ...],
-    ) -> JointVerdict:
-        """The joint verdict where algebra does not settle it. `solved`: all integrals that the rows have, if known."""
-        if block is None or not numbers.is_certain:
-            return self._numeric(names, numbers, single, solved)
-        if flagged is not None:
-            if locality.agree(flagged, numbers):
-                return self._exact(block, flagged, single)
-            return JointVerdict(names, reason=self._locality.open_reason(flagged))
-        together = self._numeric(names, numbers, single, solved)
-        return self._locality.of_motions(together, block, numbers, single)
 
     def _alone(self, name: str) -> frobenius.FormVerdict | None:
         """The verdict of a row by itself, for the values of the parameters; None where it is too large."""

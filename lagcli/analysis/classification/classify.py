@@ -89,7 +89,14 @@ def _classified(system: System, numeric: NumericSystem, limit: float) -> Classif
                 begin, conflict = assembly.configuration(system, numeric, initial.declared(system)), error
         case = Case(system, numeric, begin)
         try:
-            found = _judged(case, progress.left(deadline) if conditions else limit)
+            with progress.phase("classifying the constraints"):
+                judged = []
+                if case.groups:  # SymPy costs half a second that holonomic models need not spend
+                    from lagcli.analysis.classification import classifier
+
+                    until = progress.after(progress.left(deadline) if conditions else limit)
+                    judging = classifier.Classifier(case, until)
+                    judged = [judging.judge(group) for group in case.groups]
         except HiddenConditionsError as hidden:
             known = {one.text for one in conditions}
             new = tuple({one.text: one for one in hidden.conditions if one.text not in known}.values())
@@ -101,7 +108,10 @@ def _classified(system: System, numeric: NumericSystem, limit: float) -> Classif
             continue
         if conflict is not None:
             raise conflict
-        return Classified(case, found, conditions)
+        verdicts = {v.row: v for rows, _ in judged for v in rows}
+        in_order = tuple(verdicts[row.name] for row in system.rows.rows[system.holonomic_count :])
+        groups = tuple(one for _, one in judged)
+        return Classified(case, Classification(in_order, groups, case.depends_on_time), conditions)
     names = tuple(row.name for row in system.rows.rows[system.holonomic_count :])
     nothing = JointVerdict(names, reason=AGAIN, may_demand=True)
     return Classified(case, Classification((), (nothing,), True), conditions)
@@ -137,27 +147,6 @@ def is_conflict(error: diagnostics.ModelError) -> bool:
 def quoted(names: Sequence[str]) -> str:
     """Names of rows in a sentence."""
     return ", ".join(f"`{name}`" for name in names)
-
-
-@progress.phase("classifying the constraints")
-def _judged(case: Case, limit: float) -> Classification:
-    """The classification of a case. `limit`: seconds for all rows, then `undecided`.
-
-    Raises `diagnostics.ModelError` where a combination of rows says dt = 0, and `HiddenConditionsError` where one says
-    g dt = 0.
-    """
-    if not case.groups:
-        return Classification((), (), case.depends_on_time)
-    # Loaded here and not above: SymPy costs half a second that holonomic models need not spend.
-    from lagcli.analysis.classification import classifier
-
-    judging = classifier.Classifier(case, progress.after(limit))
-    found = [judging.judge(group) for group in case.groups]
-    verdicts = {v.row: v for rows, _ in found for v in rows}
-    names = [row.name for row in case.system.rows.rows[case.system.holonomic_count :]]
-    return Classification(
-        tuple(verdicts[name] for name in names), tuple(one for _, one in found), case.depends_on_time
-    )
 
 
 def search(built: System, numeric: NumericSystem, limit: float) -> KnownIntegrals:
