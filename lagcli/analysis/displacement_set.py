@@ -219,7 +219,9 @@ def _components(model: Model, rows: tuple[Floats, Floats], rank: int, sizes: Flo
     B, b = rows
     lengths = decompositions.lengths(B * sizes)
     B, b = B / lengths[:, None], b / lengths
-    dependent = _pivots(B * sizes, rank)
+    # Columns that span the range, each the farthest from those before it, the last of several
+    from_last = independent_rows.farthest((B * sizes).T[::-1], rank, nearly=EQUAL)
+    dependent = sorted(B.shape[1] - 1 - k for k in from_last)
     independent = [i for i in range(B.shape[1]) if i not in set(dependent)]
     right = -np.column_stack([B[:, independent] * sizes[independent], b])
     solved = decompositions.least_squares(B[:, dependent] * sizes[dependent], right)
@@ -238,9 +240,3 @@ def _components(model: Model, rows: tuple[Floats, Floats], rank: int, sizes: Flo
         solved[:, :-1] / sizes[independent] + 0.0,
         solved[:, -1] + 0.0,
     )
-
-
-def _pivots(B: Floats, rank: int) -> list[int]:
-    """Columns of B that span its range, each the farthest from those before it, the last of several."""
-    last = B.shape[1] - 1
-    return sorted(last - k for k in independent_rows.farthest(B.T[::-1], rank, nearly=EQUAL))

@@ -33,8 +33,8 @@ class MetricRowsParameters:
     """More rows than these, over more coordinates than these, are never looked at densely: their singular values would
     take minutes. `test_more_than_a_hundred_and_fifty_rows_are_many`."""
     most_dense: int = 3000
-    """Of more rows than these over few coordinates not all dependences are given (72 MB).
-    `test_up_to_three_thousand_rows_over_few_coordinates_are_looked_at_densely`."""
+    """Of more rows over few coordinates not all dependences are given (72 MB). In `tests/unit/test_growth.py`
+    `test_very_many_rows_over_few_coordinates_have_their_rank_by_a_thin_factorization`."""
     filled: float = 0.1
     """A Gram matrix with this part of its entries is factored faster as a dense one.
     `test_a_gram_matrix_of_which_a_tenth_is_filled_is_dense`."""

@@ -18,11 +18,9 @@ Floats = npt.NDArray[np.float64]
 
 
 class RankParameters:
-    """Singular values of rows of length one. The start is on the surface to rounding, 1e-16, and where rows
-    are dependent on a surface but not beside it the rest they show is its square root.
-
-    The tests are of `tests/unit/test_numbers_of_rows.py`.
-    """
+    """Singular values of rows of length one. The start is on the surface to rounding, 1e-16, and where rows are
+    dependent on a surface but not beside it the rest they show is its square root. The tests are of
+    `tests/unit/test_numbers_of_rows.py`."""
 
     __slots__ = ()
 
@@ -160,19 +158,14 @@ def _rank(rows: MetricRows) -> Rank:
         large = rows.above(PARAMETERS.large)
         dependences = rows.weakest[None] if large < rows.count else np.zeros((0, rows.count))
         return Rank(large, rows.above(PARAMETERS.small), dependences)
-    if rows.count > metric_rows.PARAMETERS.most_dense:
-        return _rank_of_many(rows)
+    if rows.count > metric_rows.PARAMETERS.most_dense:  # with one vector of weights
+        thin = space(rows.dense, is_whole=False)
+        weights = np.random.default_rng(0).standard_normal(rows.count)
+        weights -= thin.combinations.T @ (thin.combinations @ weights)
+        return Rank(thin.low, thin.high, weights[None])
     # The left vectors are wanted whole; of the right ones there may be many more.
     found = space(rows.dense, is_whole=rows.dense.shape[1] < rows.count)
     return Rank(found.low, found.high, found.dependences)
-
-
-def _rank_of_many(rows: MetricRows) -> Rank:
-    """The rank of very many rows over few coordinates, with one vector of weights."""
-    found = space(rows.dense, is_whole=False)
-    weights = np.random.default_rng(0).standard_normal(rows.count)
-    weights -= found.combinations.T @ (found.combinations @ weights)
-    return Rank(found.low, found.high, weights[None])
 
 
 def nearest_dependence(rows: MetricRows) -> tuple[float, Floats]:

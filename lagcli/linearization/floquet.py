@@ -155,40 +155,31 @@ def period(signature: Signature, longest: float) -> float | None:
     A return of its value is looked for by its way through the plane across its first direction, and what comes back
     must do so at other instants too.
     """
+    from scipy import optimize
+
     for decade in range(DECADES, -1, -1):
         times = np.linspace(0.0, 10.0**-decade * longest / 2, TIMES)
         values = np.array([signature(t) for t in times])
-        size = np.abs(values - values[0]).max(axis=0)
-        if not size.any() or not np.isfinite(values).all():
+        size = float(np.abs(values - values[0]).max(initial=0.0))
+        if not size or not np.isfinite(values).all():
             continue
-        found = _first_return(signature, times, values, float(size.max()))
-        if found is not None:
-            return found
-    return None
+        # A generic instant: at the first one a derivative may vanish.
+        begin = int(INSTANTS[1] * TIMES)
+        here, ahead = values[begin], values[begin + 1] - values[begin - 1]
+        along = (values - here) @ ahead
 
+        def way(t: float, here: Floats = here, ahead: Floats = ahead) -> float:
+            return float((signature(t) - here) @ ahead)
 
-def _first_return(signature: Signature, times: Floats, values: Floats, size: float) -> float | None:
-    """The first return among sampled values."""
-    from scipy import optimize
-
-    # A generic instant: at the first one a derivative may vanish.
-    begin = int(INSTANTS[1] * len(times))
-    here, ahead = values[begin], values[begin + 1] - values[begin - 1]
-    along = (values - here) @ ahead
-
-    def way(t: float) -> float:
-        return float((signature(t) - here) @ ahead)
-
-    for k in range(begin + 1, len(times) - 1):
-        if not along[k] < 0 <= along[k + 1]:
-            continue
-        at, until = times[k], times[k + 1]
-        if way(at) != 0:
-            at = float(optimize.brentq(way, at, until, xtol=1e-300, rtol=4e-15, maxiter=REFINEMENTS))
-        T = at - times[begin]
-        again = (times[int(part * (len(times) - 1))] for part in INSTANTS)
-        if np.abs(signature(at) - here).max() <= CLOSED * size and all(
-            np.abs(signature(t + T) - signature(t)).max() <= CLOSED * size for t in again
-        ):
-            return float(T)
+        for k in range(begin + 1, TIMES - 1):
+            if not along[k] < 0 <= along[k + 1]:
+                continue
+            at = float(times[k])
+            if way(at) != 0:
+                at = optimize.brentq(way, at, times[k + 1], xtol=1e-300, rtol=4e-15, maxiter=REFINEMENTS)
+            T = float(at - times[begin])
+            again = [times[int(part * (TIMES - 1))] for part in INSTANTS]
+            off = [signature(at) - here, *(signature(t + T) - signature(t) for t in again)]
+            if np.abs(off).max() <= CLOSED * size:
+                return T
     return None

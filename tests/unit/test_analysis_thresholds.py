@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.analysis import displacement_set, internal_forces
+from lagcli.analysis import internal_forces
 from lagcli.analysis.codimension import manifold, scaled_equations
 from lagcli.api import cache
 from lagcli.start import initial
@@ -81,7 +81,9 @@ def test_newton_converges_slowly_to_a_point_that_is_not_regular() -> None:
 
 @pytest.mark.parametrize(("second", "chosen"), [(1 - 1e-10, 1), (1 - 1e-8, 0)])
 def test_of_components_that_serve_alike_the_last_depends(second: float, chosen: int) -> None:
-    assert displacement_set._pivots(np.array([[1.0, second]]), 1) == [chosen]
+    text = "lagcli: 1\ncoordinates: {x: {}, y: {}}\nlagrangian: rate(x)**2/2 + rate(y)**2/2\n"
+    found = lagcli.displacements(lagcli.loads(f"{text}holonomic: {{row: x + {second!r}*y = 0}}\n"))
+    assert found.components.dependent == (chosen,)
 
 
 @pytest.mark.parametrize("what", ["unbalanced", "off_line"])

@@ -59,14 +59,6 @@ def test_a_row_takes_part_in_a_dependence_with_six_digits(weight, rows):
     assert rank.participants(np.array([1.0, -weight])) == rows
 
 
-@pytest.mark.parametrize(("count", "is_dense"), [(3000, True), (3001, False)])
-def test_up_to_three_thousand_rows_over_few_coordinates_are_looked_at_densely(count, is_dense, monkeypatch):
-    monkeypatch.setattr(rank, "_rank_of_many", lambda rows: None)
-    monkeypatch.setattr(np.linalg, "svd", lambda *_, **__: (np.zeros((1, 1)), np.zeros(1), None))
-    rows = SimpleNamespace(are_independent=False, is_large=False, count=count, dense=np.zeros((count, 1)))
-    assert (rank._rank(rows) is not None) is is_dense
-
-
 @pytest.mark.parametrize(("sigma", "is_certain"), [(1e-4, True), (1e-5, False)])
 def test_the_gram_matrix_tells_rows_that_are_clearly_independent(sigma, is_certain):
     assert two_rows(sigma).are_independent is is_certain

@@ -6,7 +6,8 @@ And the refusals of rows that no run can be stepped with, with advice: only what
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+import functools
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -60,22 +61,6 @@ class Codimension:
     notes: tuple[str, ...] = ()
 
 
-@frozen_value
-class _Case:
-    """A system at a state, and the later times at which rows are looked at again."""
-
-    system: System
-    numeric: NumericSystem
-    state: State
-    times: Sequence[float]
-
-    def part(self, rows: Rows) -> ScaledPart:
-        """The part of some rows."""
-        from lagcli.analysis.codimension import scaled_equations
-
-        return scaled_equations.part(self.system, self.numeric, self.state, rows)
-
-
 def examine(system: System, numeric: NumericSystem, state: State) -> Codimension:
     """The codimension of f = 0 around a state on it. Of independent rows at once."""
     B = numeric.holonomic(state.t, state.q, state.p)[1]
@@ -92,14 +77,15 @@ def examine(system: System, numeric: NumericSystem, state: State) -> Codimension
             " as those of a very long structure in bending do"
         )
         return Codimension("undecided", found.low, None, tuple(sorted(part)), reason=reason)
-    from lagcli.linear import independent_rows
+    from lagcli.analysis.codimension import scaled_equations
 
     chosen = independent_rows.dependence(rows, found.value).selection
-    later = initial.later(system)
-    case = _Case(system, numeric, state, (state.t + later / 10, state.t + later) if later else ())
+    # Parts of the rows, which are looked at again at later times
+    later, part_of = initial.later(system), functools.partial(scaled_equations.part, system, numeric, state)
+    case = part_of, (state.t + later / 10, state.t + later) if later else ()
     independent = set(chosen.independent)
     parts = [among for among in _around(B, set()) if not independent.issuperset(among)]
-    follow, failing = _followed(case, [parts] if rows.is_large else _batches(parts), independent)
+    follow, failing = _followed(*case, [parts] if rows.is_large else _batches(parts), independent)
     several = {i for part in failing for i in part}
     dependencies = [dependency for dependency in chosen.dependencies if several.issuperset(dependency)]
     if len(dependencies) > MOST_DEPENDENCIES:
@@ -113,7 +99,7 @@ def examine(system: System, numeric: NumericSystem, state: State) -> Codimension
     # Of a part that does not follow as a whole some groups may, and of a group some dependencies.
     for smaller in (connected(dependencies), [sorted(dependency) for dependency in dependencies]):
         tried = [group for group in smaller if group not in failing and several.issuperset(group)]
-        more, _ = _followed(case, _batches(tried), independent)
+        more, _ = _followed(*case, _batches(tried), independent)
         follow = sorted({*follow, *more})
         # Where all that is left of a group is independent, all of it follows from that.
         failing = [
@@ -127,7 +113,7 @@ def examine(system: System, numeric: NumericSystem, state: State) -> Codimension
     for among in _around(B, set(follow)) if failing else ():
         some = tuple(sorted({i for group in failing for i in group}.intersection(among)))
         if some:
-            sets.append(_examined(case, among, some, independent))
+            sets.append(_examined(*case, among, some, independent))
     flat = {dependency[0] for dependency in chosen.dependencies if len(dependency) == 1}
     return _joined(system, found.value, sets, flat)
 
@@ -161,7 +147,12 @@ def connected(sets: Iterable[Sequence[int]]) -> list[Rows]:
     return list(found.values())
 
 
-def _followed(case: _Case, lots: list[list[Rows]], independent: set[int]) -> tuple[Rows, list[Rows]]:
+def _followed(
+    part_of: Callable[[Rows], ScaledPart],
+    times: Sequence[float],
+    lots: list[list[Rows]],
+    independent: set[int],
+) -> tuple[Rows, list[Rows]]:
     """Rows that follow from the independent ones of their group alone, and the groups of which that is not shown.
 
     Several groups are looked at together: a model of many twin rods is one of many groups. Of a lot that does not
@@ -171,16 +162,15 @@ def _followed(case: _Case, lots: list[list[Rows]], independent: set[int]) -> tup
     failing: list[Rows] = []
     for several in lots:
         rows = sorted({i for group in several for i in group})
-        part = case.part(rows)
-        if (part.is_large or len(rows) <= metric_rows.PARAMETERS.dense) and _is_regular(
-            part, independent, case.times
-        ):
+        part = part_of(rows)
+        is_seen = part.is_large or len(rows) <= metric_rows.PARAMETERS.dense
+        if is_seen and _is_regular(part, independent, times):
             follow += [i for i in rows if i not in independent]
         elif len(several) == 1:
             failing += several
         else:
             halves = [several[: len(several) // 2], several[len(several) // 2 :]]
-            some, others = _followed(case, halves, independent)
+            some, others = _followed(part_of, times, halves, independent)
             follow, failing = follow + some, failing + others
     return sorted(follow), failing
 
@@ -205,7 +195,13 @@ def _batches(groups: list[Rows]) -> list[list[Rows]]:
     return lots
 
 
-def _examined(case: _Case, among: Rows, some: tuple[int, ...], independent: set[int]) -> Codimension:
+def _examined(
+    part_of: Callable[[Rows], ScaledPart],
+    times: Sequence[float],
+    among: Rows,
+    some: tuple[int, ...],
+    independent: set[int],
+) -> Codimension:
     """Examine rows that share coordinates, of which `some` depend on one another."""
     from lagcli.analysis.codimension import manifold, scaled_equations, second_order
 
@@ -213,17 +209,17 @@ def _examined(case: _Case, among: Rows, some: tuple[int, ...], independent: set[
     unknown = Codimension("undecided", row_rank, row_rank, some)
     if len(among) > metric_rows.PARAMETERS.dense:
         return unknown
-    part = case.part(among)
+    part = part_of(among)
     unknown = dataclasses.replace(unknown, coordinates=tuple(part.coordinates))
     if not scaled_equations.is_smooth(part):
         return unknown
-    if manifold.is_regular(part, row_rank, case.times):
+    if manifold.is_regular(part, row_rank, times):
         follow = tuple(i for i in some if i not in independent)
         return dataclasses.replace(unknown, kind="redundant", follow=follow)
-    dimension = second_order.dimension(part, row_rank, case.times)
+    dimension = second_order.dimension(part, row_rank, times)
     if dimension is not None:
         return dataclasses.replace(unknown, kind="deficient", codimension=len(part.coordinates) - dimension)
-    found = manifold.codimensions(part, case.times)
+    found = manifold.codimensions(part, times)
     if len(found) == 1 and (codimension := found.pop()) is not None and codimension > row_rank:
         return dataclasses.replace(unknown, kind="singular", codimension=codimension)
     return unknown

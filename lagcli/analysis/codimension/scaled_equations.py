@@ -119,28 +119,11 @@ class ScaledPart:
         return float(doubles.EPS * np.max(np.abs(q) / self.unit, initial=1.0))
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class _Second:
-    """The second derivatives of k rows by m coordinates that are not zero, with their indices, all (z,)."""
+def _second(plain: ScaledPart, J: LocalRows) -> tuple[IndexArray, IndexArray, IndexArray, Floats]:
+    """The second derivatives of rows J (k, m) that are not zero: their rows, both coordinates, and sizes, all (z,).
 
-    row: IndexArray
-    one: IndexArray
-    other: IndexArray
-    sizes: Floats
-    shape: tuple[int, int]
-
-    def changes(self, unit: Floats) -> Floats:
-        """The terms (z,) of what gradients change by where each coordinate moves by its unit (m,)."""
-        return np.asarray(self.sizes * unit[self.other])
-
-    def norms(self, unit: Floats) -> Floats:
-        """Their sizes (k,) in these units."""
-        scaled = self.sizes * unit[self.one] * unit[self.other]
-        return np.sqrt(np.bincount(self.row, scaled**2, minlength=self.shape[0]))
-
-
-def _second(plain: ScaledPart, J: LocalRows) -> _Second:
-    """Rows over other coordinates each are looked at together."""
+    Rows over other coordinates each are looked at together.
+    """
     k, m = J.count, len(plain.coordinates)
     columns: list[list[int]] = [[] for _ in range(k)]
     for i, j in zip(J.row.tolist(), J.column.tolist(), strict=True):
@@ -167,18 +150,45 @@ def _second(plain: ScaledPart, J: LocalRows) -> _Second:
         indices.append(np.array([owner[one[there]], one[there], other[there]], dtype=np.intp))
         sizes.append(np.abs(values[there]))
     row, one, other = np.concatenate(indices, axis=1)
-    return _Second(row, one, other, np.concatenate(sizes), (k, m))
+    return row, one, other, np.concatenate(sizes)
 
 
 def part(system: System, numeric: NumericSystem, state: State, rows: Indices) -> ScaledPart:
-    """The part of some rows at a state."""
+    """The part of some rows at a state.
+
+    Units of particles are the extent of their positions, the same for all of them; of generalized coordinates such that
+    these move the rows alike, with first and second derivatives.
+    """
     sparse = numeric.holonomic(state.t, state.q, state.p)[1][rows, :]
     coordinates = sorted(set(sparse.sparsity().get_col()))
-    B = LocalRows(sparse[:, coordinates])
-    plain = ScaledPart(numeric, state, rows, coordinates, np.ones(len(coordinates)), np.ones(len(rows)))
-    second = _second(plain, B)
-    unit = _units(system, state, coordinates, B, second)
-    steep, bent = B.with_values(B.values * unit[B.column]).norms, second.norms(unit)
+    B, m, q = LocalRows(sparse[:, coordinates]), len(coordinates), state.q[coordinates]
+    plain = ScaledPart(numeric, state, rows, coordinates, np.ones(m), np.ones(len(rows)))
+    second_row, one, other, sizes = _second(plain, B)
+    first = system.symbols.q.numel() - len(system.model.generalized_names)
+    if all(i < first for i in coordinates):
+        axes = [[i for i in coordinates if i % 3 == axis] for axis in range(3)]
+        extent = max((float(np.ptp(state.q[axis])) for axis in axes if axis), default=0.0)
+        unit = np.full(m, extent or initial.size(q))
+    else:
+        unit = np.full(m, initial.size(q))
+        entries = np.concatenate([B.row * m + B.column, second_row * m + one])
+        numbers, of_both = np.unique(entries, return_inverse=True)
+        row, column = np.divmod(numbers, m)
+        of_B, of_second = of_both[: B.row.size], of_both[B.row.size :]
+        for _ in range(10):
+            size = np.zeros(numbers.size)
+            np.add.at(size, of_second, sizes * unit[other])
+            size[of_B] = np.maximum(size[of_B], np.abs(B.values))
+            size *= unit[column]
+            longest, across = np.zeros(B.count), np.zeros(m)
+            np.maximum.at(longest, row, size)
+            size /= np.where(longest > 0, longest, 1.0)[row]
+            np.maximum.at(across, column, size)
+            unit = unit / np.sqrt(np.where(across > 0, across, 1.0))
+        unit = unit * initial.size(q / unit)
+    # Gradients and second derivatives of the rows, and the radius of curvature that the units are made of
+    steep = B.with_values(B.values * unit[B.column]).norms
+    bent = np.sqrt(np.bincount(second_row, (sizes * unit[one] * unit[other]) ** 2, minlength=B.count))
     with np.errstate(divide="ignore", invalid="ignore"):
         radii = (steep / bent)[steep > rank.PARAMETERS.small * bent]
     radius = float(np.median(radii)) if radii.size else 1.0
@@ -205,31 +215,3 @@ def is_smooth(part: ScaledPart) -> bool:
         if not np.abs(change - side * bend).max(initial=0.0) <= limit:  # nan neither
             return False
     return True
-
-
-def _units(system: System, state: State, coordinates: Indices, B: LocalRows, second: _Second) -> Floats:
-    """Units (m,) of coordinates: of particles the extent of their positions, the same for all of them; of generalized
-    ones such that they move the rows alike, with first and second derivatives, B (k, m) and `second`."""
-    q = state.q[coordinates]
-    first = system.symbols.q.numel() - len(system.model.generalized_names)
-    if all(i < first for i in coordinates):
-        axes = [[i for i in coordinates if i % 3 == axis] for axis in range(3)]
-        extent = max((float(np.ptp(state.q[axis])) for axis in axes if axis), default=0.0)
-        return np.full(len(q), extent or initial.size(q))
-    unit, m = np.full(len(q), initial.size(q)), len(q)
-    numbers, of_both = np.unique(
-        np.concatenate([B.row * m + B.column, second.row * m + second.one]), return_inverse=True
-    )
-    row, column = np.divmod(numbers, m)
-    of_B, of_second = of_both[: B.row.size], of_both[B.row.size :]
-    for _ in range(10):
-        size = np.zeros(numbers.size)
-        np.add.at(size, of_second, second.changes(unit))
-        size[of_B] = np.maximum(size[of_B], np.abs(B.values))
-        size *= unit[column]
-        longest, across = np.zeros(B.count), np.zeros(m)
-        np.maximum.at(longest, row, size)
-        size /= np.where(longest > 0, longest, 1.0)[row]
-        np.maximum.at(across, column, size)
-        unit = unit / np.sqrt(np.where(across > 0, across, 1.0))
-    return np.asarray(unit * initial.size(q / unit))

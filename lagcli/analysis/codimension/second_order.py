@@ -86,12 +86,25 @@ def dimension(part: ScaledPart, count: int, times: Sequence[float]) -> int | Non
     rows = rank.space(B)
     if rows.value != count:
         return None
+    # A stress whose second derivatives are positive on ker B but for a kernel, the one that all stresses have in
+    # common: along Y stresses go on, and all vanish.
     stresses, tangent = rows.dependences.T, rows.kernel
-    rigid = _rigid_stress(part, stresses, tangent)
-    if rigid is None:
+    d, m = stresses.shape[1], tangent.shape[1]
+    forms = np.array([tangent.T @ part.hessian(part.begin, t, w) @ tangent for w in stresses.T])
+    # Stresses of which the forms differ: of redundant rows they do not.
+    differing = rank.space(forms.reshape(d, m * m), is_whole=False)
+    if not differing.value:
         return None
-    stress, kernel = rigid
-    deflated = Deflated(part, stress, stresses)
+    basis = differing.basis.reshape(-1, m, m)
+    across = rank.space(basis.reshape(-1, m))
+    c = None if across.value is None else definite_combination(across.basis @ basis @ across.basis.T)
+    if c is None:
+        return None
+    stress, kernel = (
+        stresses @ (differing.combinations.T @ (c / differing.sigma[: differing.low])),
+        m - across.low,
+    )
+    deflated = Deflated(part, stress / np.linalg.norm(stress), stresses)
     begin = deflated.begin
     found = manifold.along(deflated, begin, t, begin.size - kernel)
     if found is None:
@@ -103,28 +116,6 @@ def dimension(part: ScaledPart, count: int, times: Sequence[float]) -> int | Non
     if there is None or np.abs((there - begin)[: len(part.coordinates)]).max(initial=0.0) > off:
         return None
     return kernel if manifold.satisfies_all(found, begin, t, times) else None
-
-
-def _rigid_stress(part: ScaledPart, stresses: Floats, tangent: Floats) -> tuple[Floats, int] | None:
-    """A stress whose second derivatives are positive on ker B but for a kernel, and the dimension of that, or None.
-
-    The kernel is the one that all stresses have in common: along Y stresses go on, and all vanish.
-    """
-    d, m = stresses.shape[1], tangent.shape[1]
-    forms = np.array([tangent.T @ part.hessian(part.begin, part.state.t, w) @ tangent for w in stresses.T])
-    # Stresses of which the forms differ: of redundant rows they do not.
-    differing = rank.space(forms.reshape(d, m * m), is_whole=False)
-    if not differing.value:
-        return None
-    basis = differing.basis.reshape(-1, m, m)
-    across = rank.space(basis.reshape(-1, m))
-    if across.value is None:
-        return None
-    c = definite_combination(across.basis @ basis @ across.basis.T)
-    if c is None:
-        return None
-    stress = stresses @ (differing.combinations.T @ (c / differing.sigma[: differing.low]))
-    return stress / np.linalg.norm(stress), m - across.low
 
 
 def definite_combination(matrices: Floats) -> Floats | None:

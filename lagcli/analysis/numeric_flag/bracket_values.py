@@ -92,25 +92,23 @@ class BracketValues:
         return added
 
     def _sample(self, shape: Shape) -> DigitSample:
-        U = self._random.integers(-LETTERS, LETTERS, (self.point.block.size, lie_brackets.leaves(shape)))
-        if self.exact is None:
-            return self._rough(shape, U / LETTERS * self.point.sizes[:, None])
-        return self.exact.bracket(shape, U.T.tolist())
-
-    @cached_property
-    def _brackets(self) -> lie_brackets.Brackets:
-        return lie_brackets.Brackets(self.point.block, self.point.independent)
-
-    def _rough(self, shape: Shape, U: Floats) -> DigitSample:
-        """The values in doubles: at x moved by rounding the size is seen, but where all is rounding."""
-        point, function = self.point, self._brackets.values(shape)
+        point = self.point
+        U = self._random.integers(-LETTERS, LETTERS, (point.block.size, lie_brackets.leaves(shape)))
+        if self.exact is not None:
+            return self.exact.bracket(shape, U.T.tolist())
+        # In doubles: at x moved by rounding the size is seen, but where all is rounding.
+        function, fields = self._brackets.values(shape), U / LETTERS * point.sizes[:, None]
         neighbour = point.x + doubles.VALUE * point.sizes * self._random.standard_normal(point.x.size)
-        here, there = (np.array(function(x, point.p, U)).ravel() for x in (point.x, neighbour))
+        here, there = (np.array(function(x, point.p, fields)).ravel() for x in (point.x, neighbour))
         terms = point.terms[point.differential] * (1.0 if lie_brackets.leaves(shape) == 2 else DEEPER)
         sizes = np.maximum(np.maximum(np.abs(here), np.abs(there - here) / doubles.VALUE), terms)
         if not np.isfinite(sizes).all():
             raise spans.Undecided("a bracket is not finite")
         return DigitSample([Decimal(a) for a in here.tolist()], [Decimal(a) for a in sizes.tolist()])
+
+    @cached_property
+    def _brackets(self) -> lie_brackets.Brackets:
+        return lie_brackets.Brackets(self.point.block, self.point.independent)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -193,23 +193,18 @@ def _weights(point: EvaluationPoint, exact: Exact | None) -> list[list[Decimal]]
                     found[i - s].append(weight)
                 elif weight:
                     raise spans.Undecided(NEARLY)
-    elif others:
-        found |= {i - s: _by_doubles(point, i) for i in others if i >= s}
+    for i in others if exact is None else ():
+        if i < s:
+            continue
+        # By least squares, in doubles
+        dense, lengths = point.rows.dense, point.rows.lengths
+        weights = decompositions.least_squares(dense[point.independent].T, dense[i])
+        scale, found[i - s] = Decimal(float(np.abs(weights).max(initial=0.0))), []
+        independent = point.independent[-len(differential) :] if differential else []
+        for k, value in zip(independent, weights[-len(differential) :].tolist(), strict=False):
+            weight = Decimal(value)
+            if WEIGHT_ROUNDOFF * scale < abs(weight) < ROUGH_SURE * scale:
+                raise spans.Undecided(NEARLY)
+            is_zero = abs(weight) <= WEIGHT_ROUNDOFF * scale
+            found[i - s].append(Decimal(0) if is_zero else weight * Decimal(lengths[i] / lengths[k]))
     return [found[i] for i in range(m)]
-
-
-def _by_doubles(point: EvaluationPoint, row: int) -> list[Decimal]:
-    """The weights of a row by least squares."""
-    dense, differential = point.rows.dense, len(point.differential)
-    lengths = point.rows.lengths
-    found = decompositions.least_squares(dense[point.independent].T, dense[row])
-    scale = Decimal(float(np.abs(found).max(initial=0.0)))
-    weights = []
-    independent = point.independent[-differential:] if differential else []
-    for k, value in zip(independent, found[-differential:].tolist(), strict=False):
-        weight = Decimal(value)
-        if WEIGHT_ROUNDOFF * scale < abs(weight) < ROUGH_SURE * scale:
-            raise spans.Undecided(NEARLY)
-        is_zero = abs(weight) <= WEIGHT_ROUNDOFF * scale
-        weights.append(Decimal(0) if is_zero else weight * Decimal(lengths[row] / lengths[k]))
-    return weights
