@@ -139,7 +139,7 @@ class RestPoints:
                 found.append(refine.nearest_equilibrium(asked, bottom))
         if is_large and not any(isinstance(one, EquilibriumPoint) for one in found):
             found.append(refine.nearest_equilibrium(asked, q))
-        points = [one.point for one in _typed(asked, found, falls)]
+        points = [one.point for one in self._typed(found, falls)]
         if not points:
             first = found[0]
             return first if isinstance(first, NoEquilibrium) else NoEquilibrium(first.residual, first.q)
@@ -158,19 +158,18 @@ class RestPoints:
         if x is None:
             return None
         found = refine.settled(equations, x)
-        return next(_typed(self._asked, [found], self._origin != "none"), None)
+        return next(self._typed([found], self._origin != "none"), None)
 
-
-def _typed(
-    asked: StaticProblem, found: Sequence[EquilibriumPoint | NoEquilibrium], has_potential: bool
-) -> Iterator[FoundPoint]:
-    for one in found:
-        if isinstance(one, EquilibriumPoint):
-            point = point_search.typed_point(
-                asked, one, rest_equations.scales(asked, asked.begin), has_potential
-            )
-            if point is not None:
-                yield point
+    def _typed(
+        self, found: Sequence[EquilibriumPoint | NoEquilibrium], has_potential: bool
+    ) -> Iterator[FoundPoint]:
+        asked = self._asked
+        for one in found:
+            if isinstance(one, EquilibriumPoint):
+                scales = rest_equations.scales(asked, asked.begin)
+                point = point_search.typed_point(asked, one, scales, has_potential)
+                if point is not None:
+                    yield point
 
 
 def _chart(built: System, written: tuple[LevelFunction, ...], state: State) -> EnforcedLevel | None:
@@ -189,16 +188,6 @@ def _chart(built: System, written: tuple[LevelFunction, ...], state: State) -> E
     return None
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class StaticQuestion:
-    """A question for points: `called` says which, rows: the equality rows that have multipliers, by their numbers."""
-
-    called: Value
-    problem: StaticProblem
-    rows: tuple[int, ...]
-    notes: tuple[str, ...]
-
-
 @progress.phase("looking for points of rest")
 def equilibrium(
     model: Model | Path, *, starts: int = STARTS, seed: int = SEED, limit: float | None = None
@@ -214,8 +203,8 @@ def equilibrium(
     ready = cache.compiled(model)
     start = begin(ready, limit)
     laws = static_problem.of_rest(ready.system, start.invariant_values)
-    rows = tuple(range(len(ready.system.rows.rows)))
-    return _answered(ready, StaticQuestion("potential", start.problem(laws), rows, start.notes), starts, seed)
+    rows = list(range(len(ready.system.rows.rows)))
+    return _Question(ready, "potential", start.problem(laws), rows).answered(start.notes, starts, seed)
 
 
 @progress.phase("looking for stationary points")
@@ -238,12 +227,12 @@ def stationary(
     laws = static_problem.of_function(system, level_functions.value(system, written), start.invariant_values)
     names = [row.name for row in system.rows.rows]
     left_out = [name for name in names[system.holonomic_count :] if name not in start.enforced]
-    rows = tuple(i for i, name in enumerate(names) if name not in left_out)
+    rows = [i for i, name in enumerate(names) if name not in left_out]
     notes = start.notes
     if left_out:
         listed = ", ".join(f"`{name}`" for name in left_out)
         notes += (f"{listed} cannot be integrated and {'are' if len(left_out) > 1 else 'is'} left out",)
-    return _answered(ready, StaticQuestion("value", start.problem(laws), rows, notes), starts, seed)
+    return _Question(ready, "value", start.problem(laws), rows).answered(notes, starts, seed)
 
 
 def _require(starts: int, seed: int) -> None:
@@ -254,126 +243,124 @@ def _require(starts: int, seed: int) -> None:
         raise ValueError("seed: a number that is not negative is needed")
 
 
-@progress.phase("looking for points")
-def _answered(ready: CompiledModel, asked: StaticQuestion, starts: int, seed: int) -> StaticReport:
-    """The points that are found, by the columns of the model."""
-    problem = asked.problem
-    source: Origin = "declared"
-    if asked.called == "potential":
-        source = static_report.potential_origin(problem)
-    angles = static_problem.angles(problem)
-    repeating = static_problem.repeating(problem, ready.system.r)
-    pushes = asked.called == "potential"
-    search = PointSearch(problem, SearchOptions(source != "none", pushes, angles, starts, seed, repeating))
-    search.run(0)
-    whole = all_zeros.by_algebra(search)
-    if not whole.proved and problem.n == 1 and not problem.C and not problem.K:
-        whole = all_zeros.by_intervals(search, angles[0])
-    if not whole.proved and not whole.final:
-        search.run(starts)
-    columns = PointColumns(ready.system, problem.t, problem.p)
-    kinks = kink_points.notes(search, ready.system.model.coordinate_names, asked.called)
-    points = [_point(ready, asked, columns, source, found) for found in search.points]
-    notes = [*asked.notes, *_remarks(search, source, points, starts)]
-    turning = itertools.compress(ready.system.model.coordinate_names, repeating)
-    if points and (names := " and ".join(turning)):
-        notes.append(f"points repeat with every turn of {names}, by 2 pi: those next to the start are listed")
-    if whole.is_told:
-        notes.append(whole.reason)
-    notes += singular_rows.notes(search, ready.system.model.coordinate_names, asked.called)
-    notes += kinks
-    points.sort(key=lambda point: (point.value is None, point.value or 0.0, tuple(point.at.values())))
-    best = search.best.residual if not points else None
-    distinct = tuple(dict.fromkeys(notes))
-    return StaticReport(asked.called, tuple(points), search.starts, whole.proved, distinct, best)
+class _Question:
+    """A question for points: `called` says which; rows: the equality rows that have multipliers, by their numbers."""
 
+    def __init__(self, ready: CompiledModel, called: Value, problem: StaticProblem, rows: list[int]) -> None:
+        self._system, self._numeric = ready.system, ready.numeric
+        self._called, self._problem, self._rows = called, problem, rows
+        self._is_rest = called == "potential"
+        self._source: Origin = static_report.potential_origin(problem) if self._is_rest else "declared"
+        self._columns = PointColumns(ready.system, problem.t, problem.p)
 
-def _point(
-    ready: CompiledModel, asked: StaticQuestion, columns: PointColumns, source: Origin, found: FoundPoint
-) -> StaticPoint:
-    system, q = ready.system, found.point.q
-    lam, unique = _multipliers(ready, asked, found)
-    names = [row.name for row in system.multiplier_rows]
-    count = len(system.rows.rows)
-    shown = [*asked.rows, *range(count, len(names))]
-    is_rest = asked.called == "potential"
-    reactions = columns.reactions(q, lam) if is_rest else columns.row_reactions(q, lam)
-    value = static_report.potential(asked.problem, source, q) if is_rest else asked.problem.value(q) + 0.0
-    return StaticPoint(
-        columns.at(q),
-        {names[i]: float(lam[i]) + 0.0 for i in shown},
-        reactions,
-        value,
-        found.type.kind,
-        found.type.index,
-        found.point.residual,
-        unique,
-        found.dimension,
-    )
+    @progress.phase("looking for points")
+    def answered(self, notes: Sequence[str], starts: int, seed: int) -> StaticReport:
+        """The points that are found, by the columns of the model, with more notes after these."""
+        problem, called, names = self._problem, self._called, self._system.model.coordinate_names
+        angles = static_problem.angles(problem)
+        repeating = static_problem.repeating(problem, self._system.r)
+        options = SearchOptions(self._source != "none", self._is_rest, angles, starts, seed, repeating)
+        search = PointSearch(problem, options)
+        search.run(0)
+        whole = all_zeros.by_algebra(search)
+        if not whole.proved and problem.n == 1 and not problem.C and not problem.K:
+            whole = all_zeros.by_intervals(search, angles[0])
+        if not whole.proved and not whole.final:
+            search.run(starts)
+        kinks = kink_points.notes(search, names, called)
+        points = [self._point(found) for found in search.points]
+        told = [*notes, *self._remarks(search, points, starts)]
+        if points and (turning := " and ".join(itertools.compress(names, repeating))):
+            told.append(
+                f"points repeat with every turn of {turning}, by 2 pi: those next to the start are listed"
+            )
+        if whole.is_told:
+            told.append(whole.reason)
+        told += [*singular_rows.notes(search, names, called), *kinks]
+        points.sort(key=lambda point: (point.value is None, point.value or 0.0, tuple(point.at.values())))
+        best = search.best.residual if not points else None
+        distinct = tuple(dict.fromkeys(told))
+        return StaticReport(called, tuple(points), search.starts, whole.proved, distinct, best)
 
-
-def _multipliers(
-    ready: CompiledModel, asked: StaticQuestion, found: FoundPoint
-) -> tuple[Floats, bool | None]:
-    """lambda of all rows of the system (C + K,): as found, or where they are not unique those of least norm, as in a
-    run; and whether they are, None where the rank of the rows does not say."""
-    problem, point, t = asked.problem, found.point, asked.problem.t
-    system, numeric = ready.system, ready.numeric
-    count, s = len(system.rows.rows), system.holonomic_count
-    is_own = asked.called == "potential" or len(asked.rows) == s == problem.C
-    lam = np.zeros(count + problem.K)
-    if is_own and found.type.unique is not False:
-        lam[list(asked.rows)] = point.lam[: problem.C]
-        lam[count:] = point.lam[problem.C :]
-        if found.touching == point.closed:
-            return lam, found.type.unique
-    unique: bool | None
-    values = problem.at(t, point.q, point.lam)
-    v = np.zeros(problem.n)
-    B = numeric.rows(t, point.q, v, problem.p)[0].full()[list(asked.rows)]
-    closed = list(found.touching if asked.called == "potential" else point.closed)
-    rows = np.vstack([B, values.G[closed]])
-    M = numeric.inertia(t, point.q, v, problem.p).full()
-    if asked.called == "potential" and closed:
-        given = point.lam[[*range(problem.C), *(problem.C + k for k in closed)]]
-        shared, unique = static_report.pushing_multipliers(rows, given, M, len(B))
-    else:
-        unique = found.type.unique
-        shared = rank.multipliers(rows, -values.F, static_report.row_lengths(rows, M))
-    lam[list(asked.rows)] = shared[: len(B)]
-    lam[[count + k for k in closed]] = shared[len(B) :]
-    return lam, unique
-
-
-def _remarks(
-    search: PointSearch, source: Origin, points: Sequence[StaticPoint], starts: int
-) -> Iterator[str]:
-    """Notes on what was found and what was not looked for."""
-    if source == "integrated":
-        yield "forces that are declared without a potential have one; it is counted from the start"
-    elif source == "none":
-        yield "the forces have no potential: points have no type"
-    sizes = sorted({one.dimension for one in search.points if one.dimension})
-    for size in sizes:
-        count = sum(one.dimension == size for one in search.points)
-        what = "one point stands for a continuum" if count == 1 else f"{count} points stand for continua"
-        yield f"{what} of dimension {size}"
-    near = sum(point.unique_multipliers is None for point in points)
-    if near:
-        yield (
-            f"{'one point is' if near == 1 else f'{near} points are'} so near to where rows are dependent that their"
-            " rank is undecided there: multipliers may have no right digit, and be unique or not"
+    def _point(self, found: FoundPoint) -> StaticPoint:
+        columns, q = self._columns, found.point.q
+        lam, unique = self._multipliers(found)
+        names = [row.name for row in self._system.multiplier_rows]
+        shown = [*self._rows, *range(len(self._system.rows.rows), len(names))]
+        if self._is_rest:
+            reactions, value = (
+                columns.reactions(q, lam),
+                static_report.potential(self._problem, self._source, q),
+            )
+        else:
+            reactions, value = columns.row_reactions(q, lam), self._problem.value(q) + 0.0
+        return StaticPoint(
+            columns.at(q),
+            {names[i]: float(lam[i]) + 0.0 for i in shown},
+            reactions,
+            value,
+            found.type.kind,
+            found.type.index,
+            found.point.residual,
+            unique,
+            found.dimension,
         )
-    if any(point.unique_multipliers is False for point in points):
-        yield "multipliers that are not unique are those of least norm, as in a run"
-    if len(search.problem.times) > 1:
-        t = search.problem.t
-        yield f"the equations hold t: points hold at every t that was looked at, lambda is that of t = {t:g}"
-    if search.are_beyond:
-        yield (
-            "points beyond the singular points of a differential row are left out: they are on another leaf than the"
-            " start"
-        )
-    if search.is_cut:
-        ends = "" if search.starts > starts else f", after {search.starts} of {starts + 1} starts"
-        yield f"the search ended at its budget of work{ends}"
+
+    def _multipliers(self, found: FoundPoint) -> tuple[Floats, bool | None]:
+        """lambda of all rows of the system (C + K,): as found, or where they are not unique those of least norm, as in
+        a run; and whether they are, None where the rank of the rows does not say."""
+        problem, point, t = self._problem, found.point, self._problem.t
+        count, s = len(self._system.rows.rows), self._system.holonomic_count
+        is_own = self._is_rest or len(self._rows) == s == problem.C
+        lam = np.zeros(count + problem.K)
+        if is_own and found.type.unique is not False:
+            lam[self._rows] = point.lam[: problem.C]
+            lam[count:] = point.lam[problem.C :]
+            if found.touching == point.closed:
+                return lam, found.type.unique
+        unique: bool | None
+        values = problem.at(t, point.q, point.lam)
+        v = np.zeros(problem.n)
+        B = self._numeric.rows(t, point.q, v, problem.p)[0].full()[self._rows]
+        closed = list(found.touching if self._is_rest else point.closed)
+        rows = np.vstack([B, values.G[closed]])
+        M = self._numeric.inertia(t, point.q, v, problem.p).full()
+        if self._is_rest and closed:
+            given = point.lam[[*range(problem.C), *(problem.C + k for k in closed)]]
+            shared, unique = static_report.pushing_multipliers(rows, given, M, len(B))
+        else:
+            unique = found.type.unique
+            shared = rank.multipliers(rows, -values.F, static_report.row_lengths(rows, M))
+        lam[self._rows] = shared[: len(B)]
+        lam[[count + k for k in closed]] = shared[len(B) :]
+        return lam, unique
+
+    def _remarks(self, search: PointSearch, points: Sequence[StaticPoint], starts: int) -> Iterator[str]:
+        """Notes on what was found and what was not looked for."""
+        if self._source == "integrated":
+            yield "forces that are declared without a potential have one; it is counted from the start"
+        elif self._source == "none":
+            yield "the forces have no potential: points have no type"
+        for size in sorted({one.dimension for one in search.points if one.dimension}):
+            count = sum(one.dimension == size for one in search.points)
+            what = "one point stands for a continuum" if count == 1 else f"{count} points stand for continua"
+            yield f"{what} of dimension {size}"
+        near = sum(point.unique_multipliers is None for point in points)
+        if near:
+            yield (
+                f"{'one point is' if near == 1 else f'{near} points are'} so near to where rows are dependent that"
+                " their rank is undecided there: multipliers may have no right digit, and be unique or not"
+            )
+        if any(point.unique_multipliers is False for point in points):
+            yield "multipliers that are not unique are those of least norm, as in a run"
+        if len(search.problem.times) > 1:
+            t = search.problem.t
+            yield f"the equations hold t: points hold at every t that was looked at, lambda is that of t = {t:g}"
+        if search.are_beyond:
+            yield (
+                "points beyond the singular points of a differential row are left out: they are on another leaf than"
+                " the start"
+            )
+        if search.is_cut:
+            ends = "" if search.starts > starts else f", after {search.starts} of {starts + 1} starts"
+            yield f"the search ended at its budget of work{ends}"

@@ -8,8 +8,6 @@ import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from lagcli.cli.commands import completing, options
 from lagcli.cli.terminal import exits
 from lagcli.model.settings import RunSettings
@@ -23,20 +21,14 @@ if TYPE_CHECKING:
 def animate(
     source: Annotated[
         str,
-        typer.Argument(
-            metavar="MODEL|FILE",
-            help="a model, which is simulated, or a table of a run",
-            autocompletion=completing.run_files,
+        options.argument(
+            "MODEL|FILE", "a model, which is simulated, or a table of a run", completing.run_files
         ),
     ],
     output: Annotated[str | None, options.output("page: .html; film: .gif, .mp4; - for stdout")] = None,
     model: Annotated[
         str | None,
-        typer.Option(
-            metavar="MODEL",
-            help="of a table: for masses, forces, rods and surfaces",
-            autocompletion=completing.model_files,
-        ),
+        options.named("MODEL", "of a table: for masses, forces, rods and surfaces", completing.model_files),
     ] = None,
     *,
     run_settings: RunSettings,

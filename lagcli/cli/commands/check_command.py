@@ -32,12 +32,7 @@ COLOURS = {"nonholonomic": "yellow", "undecided": "red", "yes": "red", "violated
 @options.command()
 def check(
     models: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="MODEL...",
-            help="model files; - for standard input",
-            autocompletion=completing.model_files,
-        ),
+        list[str], options.argument("MODEL...", "model files; - for standard input", completing.model_files)
     ],
     changes: options.SetOption = None,
     as_json: options.JsonOption = False,
@@ -46,11 +41,7 @@ def check(
     limit: options.LimitOption = settings.LIMIT,
     witness: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME",
-            help="a loop that shows a row to be nonholonomic",
-            autocompletion=completing.differential,
-        ),
+        options.named("NAME", "a loop that shows a row to be nonholonomic", completing.differential),
     ] = None,
     plot: Annotated[str | None, options.file("figure of that loop: png, svg, pdf")] = None,
     watch: options.WatchOption = False,

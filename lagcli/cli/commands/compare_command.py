@@ -19,21 +19,12 @@ def compare(
     model: options.ModelArgument,
     other: Annotated[
         str | None,
-        typer.Argument(
-            metavar="[OTHER]",
-            help="a second model, compared on shared columns",
-            autocompletion=completing.model_files,
-        ),
+        options.argument("[OTHER]", "a second model, compared on shared columns", completing.model_files),
     ] = None,
     *,
     run_settings: RunSettings,
     columns: Annotated[
-        str | None,
-        typer.Option(
-            metavar="PATTERNS",
-            help="columns to compare, such as 'a.*,R.*'",
-            autocompletion=completing.columns,
-        ),
+        str | None, options.named("PATTERNS", "columns to compare, such as 'a.*,R.*'", completing.columns)
     ] = None,
     tolerance: Annotated[
         float | None,
@@ -44,10 +35,8 @@ def compare(
     ] = False,
     mu: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="NAME=VALUE",
-            help="initial μ of a differential row (0); repeatable",
-            autocompletion=completing.multipliers,
+        options.named(
+            "NAME=VALUE", "initial μ of a differential row (0); repeatable", completing.multipliers
         ),
     ] = None,
     output: Annotated[str | None, options.output("table of the vakonomic motion; - for stdout")] = None,

@@ -37,11 +37,7 @@ def derive(
     ] = False,
     values: Annotated[
         str,
-        typer.Option(
-            metavar="NAMES",
-            help="parameters to put in as numbers, such as 'm,g'; all",
-            autocompletion=completing.parameters,
-        ),
+        options.named("NAMES", "parameters to put in as numbers, such as 'm,g'; all", completing.parameters),
     ] = "",
     limit: options.LimitOption = settings.LIMIT,
     changes: options.SetOption = None,

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from lagcli.cli.commands import options
 from lagcli.cli.terminal import console, exits
 from lagcli.model.settings import RunSettings
@@ -26,9 +24,7 @@ METRICS = {
 @options.command("duration", "samples", "output_step")
 def displacements(
     model: options.ModelArgument,
-    at: Annotated[
-        float | None, typer.Option(metavar="T", help="the time to run to; by default the start")
-    ] = None,
+    at: Annotated[float | None, options.named("T", "the time to run to; by default the start")] = None,
     *,
     run_settings: RunSettings,
     changes: options.SetOption = None,

@@ -6,8 +6,6 @@ import sys
 import textwrap
 from typing import Annotated
 
-import typer
-
 from lagcli.cli.commands import completing, options
 from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
@@ -16,10 +14,7 @@ from lagcli.errors import diagnostics
 @options.command()
 def explain(
     code: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="CODE", help="the word in brackets of a message, or D.24", autocompletion=completing.codes
-        ),
+        str | None, options.argument("CODE", "the word in brackets of a message, or D.24", completing.codes)
     ] = None,
     quiet: options.QuietOption = False,
 ) -> None:

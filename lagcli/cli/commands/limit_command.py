@@ -19,22 +19,16 @@ if TYPE_CHECKING:
 def limit(
     model: options.ModelArgument,
     constraint: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME",
-            help="the holonomic row that becomes a spring",
-            autocompletion=completing.holonomic,
-        ),
+        str, options.named("NAME", "the holonomic row that becomes a spring", completing.holonomic)
     ],
     stiffness: Annotated[
-        str | None,
-        typer.Option(metavar="LOW:HIGH", help="stiffnesses, two a decade (1e3:1e5); LOW:HIGH:COUNT"),
+        str | None, options.named("LOW:HIGH", "stiffnesses, two a decade (1e3:1e5); LOW:HIGH:COUNT")
     ] = None,
     unprestressed: Annotated[
         bool, typer.Option("--unprestressed", help="start without stretch, not on the slow motion")
     ] = False,
     ramp: Annotated[
-        float | None, typer.Option(metavar="SECONDS", help="one run in which k rises over all of them")
+        float | None, options.named("SECONDS", "one run in which k rises over all of them")
     ] = None,
     output: Annotated[str | None, options.output("table; - for standard output")] = None,
     plot: Annotated[str | None, options.file("figure of forces and errors: png, svg, pdf")] = None,

@@ -21,10 +21,7 @@ INDENT = 2  # spaces
 @options.command()
 def models(
     name: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="[NAME]", help="a model of the gallery", autocompletion=completing.gallery_names
-        ),
+        str | None, options.argument("[NAME]", "a model of the gallery", completing.gallery_names)
     ] = None,
     output: Annotated[str | None, options.output("copy it to this file, or into this folder")] = None,
     force: options.ForceOption = False,

@@ -6,8 +6,6 @@ import math
 import pathlib
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from lagcli import doubles
 from lagcli.cli.commands import options
 from lagcli.cli.terminal import console, exits
@@ -25,12 +23,9 @@ VERDICTS = {True: "stable", False: "unstable", None: "not decided"}
 def modes(
     model: options.ModelArgument,
     plot: Annotated[str | None, options.file("figure of the shapes: png, svg, pdf")] = None,
-    about: Annotated[
-        str, typer.Option(metavar="WHAT", help="start, equilibrium, or the one that fits: auto")
-    ] = "auto",
+    about: Annotated[str, options.named("WHAT", "start, equilibrium, or the one that fits: auto")] = "auto",
     lowest: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="how many modes of a model of more than 600 coordinates (20)"),
+        int | None, options.named("N", "how many modes of a model of more than 600 coordinates (20)")
     ] = None,
     animate: Annotated[str | None, options.file("the modes as a page (.html) that shows them swing")] = None,
     assemble: options.AssembleOption = False,

@@ -29,16 +29,12 @@ MOST = 2**25
 def new(
     name: Annotated[
         str | None,
-        typer.Argument(
-            metavar="NAME", help="the name of the model; NAME.yaml is written, - for standard output"
-        ),
+        options.argument("NAME", "the name of the model; NAME.yaml is written, - for standard output"),
     ] = None,
     template: Annotated[
         str | None,
-        typer.Option(
-            metavar="TEMPLATE",
-            help="particles, coordinates, rolling, mechanism, family or box",
-            autocompletion=completing.templates,
+        options.named(
+            "TEMPLATE", "particles, coordinates, rolling, mechanism, family or box", completing.templates
         ),
     ] = None,
     force: options.ForceOption = False,

@@ -33,6 +33,7 @@ def _seconds(context: typer.Context, option: typer.CallbackParam, value: float) 
     return settings.LIMIT if source is None or source.name == "DEFAULT" else value
 
 
+Completion: TypeAlias = Callable[..., Sequence[str | tuple[str, str]]]
 Keywords: TypeAlias = dict[str, Any]  # of a function of the API
 # Of settings that are names.
 _COMPLETIONS: Keywords = {"method": completing.methods}
@@ -96,9 +97,19 @@ def _option(name: str, kind: object, row: settings.RunSetting) -> inspect.Parame
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
 
 
+def named(metavar: str, help_line: str, completion: Completion | None = None) -> object:
+    """An option, called as its parameter, with a word for what it takes; completion: of words that are begun."""
+    return typer.Option(metavar=metavar, help=help_line, autocompletion=completion)
+
+
+def argument(metavar: str, help_line: str, completion: Completion | None = None) -> object:
+    """An argument, otherwise as `named`."""
+    return typer.Argument(metavar=metavar, help=help_line, autocompletion=completion)
+
+
 def file(help_line: str) -> object:
     """An option, called as its parameter, that takes the name of a file."""
-    return typer.Option(metavar="FILE", help=help_line)
+    return named("FILE", help_line)
 
 
 def output(help_line: str) -> object:
@@ -106,12 +117,7 @@ def output(help_line: str) -> object:
     return typer.Option("-o", "--output", metavar="FILE", help=help_line)
 
 
-ModelArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="MODEL", help="model file; - for standard input", autocompletion=completing.model_files
-    ),
-]
+ModelArgument = Annotated[str, argument("MODEL", "model file; - for standard input", completing.model_files)]
 SetOption = Annotated[
     list[str] | None,
     typer.Option(

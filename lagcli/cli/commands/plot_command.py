@@ -22,38 +22,30 @@ if TYPE_CHECKING:
 def plot(
     files: Annotated[
         list[str],
-        typer.Argument(
-            metavar="FILE...",
-            help=f"tables ({formats.LISTED}; - for CSV on standard input), or models, to be simulated",
-            autocompletion=completing.run_files,
+        options.argument(
+            "FILE...",
+            f"tables ({formats.LISTED}; - for CSV on standard input), or models, to be simulated",
+            completing.run_files,
         ),
     ],
     y: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="PATTERNS",
-            help="columns, such as 'lambda.*,R.a.z', or one made of others, 'pull=abs(lambda.rod)';"
-            " again for more axes",
-            autocompletion=completing.columns,
+        options.named(
+            "PATTERNS",
+            "columns, such as 'lambda.*,R.a.z', or one made of others, 'pull=abs(lambda.rod)'; again for more axes",
+            completing.columns,
         ),
     ] = None,
     x: Annotated[
-        str | None,
-        typer.Option(
-            metavar="COLUMN", help="the column of the other axis (t)", autocompletion=completing.columns
-        ),
+        str | None, options.named("COLUMN", "the column of the other axis (t)", completing.columns)
     ] = None,
     xy: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="X,Y",
-            help="a path with one scale, such as a.x,a.z; repeatable",
-            autocompletion=completing.columns,
-        ),
+        options.named("X,Y", "a path with one scale, such as a.x,a.z; repeatable", completing.columns),
     ] = None,
     events: Annotated[str | None, options.file("mark the events of `simulate --events`")] = None,
     log: Annotated[bool, typer.Option("--log", help="sizes on a logarithmic scale")] = False,
-    title: Annotated[str | None, typer.Option(metavar="TEXT", help="in place of the model's")] = None,
+    title: Annotated[str | None, options.named("TEXT", "in place of the model's")] = None,
     output: Annotated[str | None, options.output("the figure: png, svg, pdf")] = None,
     show: Annotated[
         bool, typer.Option("--show", help="draw in the terminal, which is usual without -o")

@@ -27,10 +27,10 @@ def report(
     ] = False,
     pdf: Annotated[
         str | None,
-        typer.Option(
-            metavar="MAKER",
-            help="what makes a .pdf: browser or latex; by default a browser, or else latex",
-            autocompletion=lambda: ["browser", "latex"],
+        options.named(
+            "MAKER",
+            "what makes a .pdf: browser or latex; by default a browser, or else latex",
+            lambda: ["browser", "latex"],
         ),
     ] = None,
     limit: options.LimitOption = settings.LIMIT,

@@ -27,11 +27,7 @@ def simulate(
     run_settings: RunSettings,
     columns: Annotated[
         str | None,
-        typer.Option(
-            metavar="PATTERNS",
-            help="columns to write, such as 't,lambda.*,R.a.*'",
-            autocompletion=completing.columns,
-        ),
+        options.named("PATTERNS", "columns to write, such as 't,lambda.*,R.a.*'", completing.columns),
     ] = None,
     events: Annotated[
         str | None, options.file("table of impacts, contacts, releases and events; - for stdout")

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
-
 from lagcli.cli.commands import equilibrium_command, options
 from lagcli.model import settings
 from lagcli.output.files import write_guard
@@ -14,7 +12,7 @@ from lagcli.output.files import write_guard
 @options.command()
 def stationary(
     model: options.ModelArgument,
-    of: Annotated[str, typer.Option(metavar="EXPR", help="the function, such as 'a.x*a.y'")],
+    of: Annotated[str, options.named("EXPR", "the function, such as 'a.x*a.y'")],
     output: options.PointsOption = None,
     starts: options.StartsOption = 32,
     seed: options.SeedOption = 0,

@@ -20,42 +20,34 @@ if TYPE_CHECKING:
 def sweep(
     models: Annotated[
         list[str],
-        typer.Argument(
-            metavar="MODEL",
-            help="model file; - for standard input; with --merge the files",
-            autocompletion=completing.model_files,
+        options.argument(
+            "MODEL", "model file; - for standard input; with --merge the files", completing.model_files
         ),
     ],
     over: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=VALUES", help="LOW:HIGH:COUNT or [V1, V2, ...]; several are a grid"),
+        list[str] | None, options.named("NAME=VALUES", "LOW:HIGH:COUNT or [V1, V2, ...]; several are a grid")
     ] = None,
     points: Annotated[str | None, options.file("a table, a point a row; - for standard input, CSV")] = None,
     uncertain: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME~LAW", help="normal(MEAN, SD), uniform(LOW, HIGH), ...; repeatable"),
+        list[str] | None, options.named("NAME~LAW", "normal(MEAN, SD), uniform(LOW, HIGH), ...; repeatable")
     ] = None,
     draws: Annotated[int, typer.Option(min=1, help="points that are drawn of --uncertain")] = 1024,
     seed: options.SeedOption = 0,
-    sampling: Annotated[str, typer.Option(metavar="KIND", help="sobol, quasi-random, or random")] = "sobol",
+    sampling: Annotated[str, options.named("KIND", "sobol, quasi-random, or random")] = "sobol",
     reduce: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=EXPR", help="kept of a run: 'peak=max(abs(lambda.rod))'; repeatable"),
+        list[str] | None, options.named("NAME=EXPR", "kept of a run: 'peak=max(abs(lambda.rod))'; repeatable")
     ] = None,
     output: Annotated[
         str | None, options.output("a table, FOLDER/ for a Parquet dataset; - for stdout")
     ] = None,
     tables: Annotated[
-        str | None,
-        typer.Option(metavar="FOLDER", help="every full table, FOLDER/*.parquet for another format than CSV"),
+        str | None, options.named("FOLDER", "every full table, FOLDER/*.parquet for another format than CSV")
     ] = None,
     jobs: Annotated[int, typer.Option(min=1, help="processes of this machine")] = 1,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="a Dask cluster instead, tcp://HOST:PORT")
+        str | None, options.named("ADDRESS", "a Dask cluster instead, tcp://HOST:PORT")
     ] = None,
-    shard: Annotated[
-        str | None, typer.Option(metavar="I/N", help="the I-th of N parts of the points")
-    ] = None,
+    shard: Annotated[str | None, options.named("I/N", "the I-th of N parts of the points")] = None,
     merge: Annotated[
         bool, typer.Option("--merge", help="the arguments are tables of shards: put them together")
     ] = False,
