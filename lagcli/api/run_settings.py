@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import inspect
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, ParamSpec, TypeAlias, TypeVar
 
 import numpy as np
@@ -97,18 +98,28 @@ def of_options(model: Model, changes: Changes, row: str | None = None) -> Model:
         # Other runs read no tables.
         from lagcli.output.tables import table_format
 
-        try:
+        with reading("--from", row, NoSuchRow, *table_format.UNREADABLE):
             model = at_row(model, row)
-        except FileNotFoundError as error:
-            raise BadRequest(f"--from: there is no file {error.filename}") from None
-        except OSError as error:
-            raise BadRequest(f"--from: cannot read {row}: {error.strerror}") from None
-        except (NoSuchRow, *table_format.UNREADABLE) as error:
-            raise BadRequest(f"--from {error}") from None
     try:
         return dataclasses.replace(model, simulation=chosen(model, changes))
     except ValueError as error:
         raise BadRequest(str(error)) from None
+
+
+@contextlib.contextmanager
+def reading(option: str, name: str | None, *unfit: type[Exception]) -> Iterator[None]:
+    """Around what reads a file that an option names: one that is not there, cannot be read, or is `unfit` is refused.
+
+    Raises `BadRequest`.
+    """
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise BadRequest(f"{option}: there is no file {error.filename}") from None
+    except OSError as error:
+        raise BadRequest(f"{option}: cannot read {name}: {error.strerror}") from None
+    except unfit as error:
+        raise BadRequest(f"{option} {error}") from None
 
 
 def seconds(limit: float | None) -> float:

@@ -85,14 +85,8 @@ def to_files(
     if row is not None and request.resume is not None:
         raise BadRequest("--from with --resume: a run goes on from its checkpoint, and not from a row")
     model = run_settings.of_options(model, settings, row)
-    try:
+    with run_settings.reading("--resume", request.resume, checkpoint.CheckpointError):
         run = prepare_run.prepare(
             model, model.simulation, request.resume, request.limit, request.digits, may_be_over=True
         )
-    except checkpoint.CheckpointError as error:
-        raise BadRequest(f"--resume {error}") from None
-    except FileNotFoundError:
-        raise BadRequest(f"--resume: there is no file {request.resume}") from None
-    except OSError as error:
-        raise BadRequest(f"--resume: cannot read {request.resume}: {error.strerror}") from None
     return WrittenRun(run, request)

@@ -206,23 +206,20 @@ def _plan(model: Model, asked: AskedSweep, request: SweepRequest) -> SweepPlan:
         # The points of a table. Raises `BadRequest`, `BadPoints`
         if os.path.isdir(asked.points):
             raise BadRequest(f"--points: {asked.points} is a folder, and a table of points is needed")
-        with contextlib.ExitStack() as stack:
-            path = asked.points
-            if asked.points == "-":
+        path = asked.points
+        shown = "<stdin>" if path == "-" else path
+        with contextlib.ExitStack() as stack, run_settings.reading("--points", path):
+            if path == "-":
                 # Tables are read twice, first their names: what comes through a pipe is put aside.
                 folder = stack.enter_context(tempfile.TemporaryDirectory())
                 path = os.path.join(folder, "points.csv")
                 pathlib.Path(path).write_bytes(sys.stdin.buffer.read())
             try:
                 names, rows = table_format.read(path)
-            except FileNotFoundError:
-                raise BadRequest(f"--points: there is no file {asked.points}") from None
-            except OSError as error:
-                raise BadRequest(f"--points: cannot read {asked.points}: {error.strerror}") from None
             except table_format.UNREADABLE as error:
-                raise BadRequest(f"--points {str(error).replace(path, _shown(asked.points))}") from None
-        table = TableOfPoints(names, rows, f"--points {_shown(asked.points)}")
-        parts.append(point_task.require_names(model, table, f"--points {_shown(asked.points)}:"))
+                raise BadRequest(f"--points {str(error).replace(path, shown)}") from None
+        table = TableOfPoints(names, rows, f"--points {shown}")
+        parts.append(point_task.require_names(model, table, f"--points {shown}:"))
     if asked.uncertain:
         laws = [sweep_points.read_law(model, text) for text in asked.uncertain]
         drawn = sweep_points.draw(laws, asked.draws, asked.seed, asked.sampling)
@@ -239,7 +236,3 @@ def _plan(model: Model, asked: AskedSweep, request: SweepRequest) -> SweepPlan:
         formats.of(pathlib.Path(pattern), formats.TABLES)
     chosen = SweepSettings(asked.settings, asked.limit, asked.limit_each, pattern)
     return point_task.plan(model, parts, reductions.read(asked.reduce), chosen, part)
-
-
-def _shown(points: str) -> str:
-    return "<stdin>" if points == "-" else points
