@@ -17,10 +17,10 @@ import math
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.analysis.codimension.examine import connected
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem
 from lagcli.contact import complementarity, least_distance
 from lagcli.contact.least_distance import ContradictoryRows, UndecidedRows
@@ -35,7 +35,6 @@ from lagcli.start import gaps, initial, projection
 from lagcli.start.gaps import Gaps, Side
 from lagcli.start.initial import State
 
-Floats = npt.NDArray[np.float64]
 Kind = Literal["free", "one-sided", "blocked"]
 
 

@@ -12,9 +12,9 @@ from collections.abc import Iterator
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.equations.environment import Environment, Triple, Value, column, taken
 from lagcli.equations.symbols import FixedExponents
 from lagcli.equations.system import System
@@ -23,9 +23,6 @@ from lagcli.model import model as nouns
 from lagcli.smoothness.sized_function import SizedFunction
 from lagcli.start import initial
 from lagcli.start.initial import State
-
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 
 # States around the one asked for, and how far, as a part of the size of the configuration.
 AROUND, OFFSET = 3, 0.1

@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import progress
 from lagcli.analysis.classification.verdict import Orbit
@@ -188,9 +187,6 @@ def _at_rest(system: System, found: rank.Rank) -> diagnostics.ModelError:
     hint = "give velocities along one branch, or start a little aside"
     at = system.rows.rows[rows[-1]].location
     return diagnostics.error("singular-start", message, at, hint)
-
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -8,11 +8,9 @@ on every machine.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
-
-Floats = npt.NDArray[np.float64]
+from lagcli.arrays import Floats
 
 
 def lengths(rows: Floats) -> Floats:

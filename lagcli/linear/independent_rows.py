@@ -14,12 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled.selection import Selection
 from lagcli.frozen import frozen
 from lagcli.linear import decompositions, rank
 from lagcli.linear.metric_rows import LocalRows, MetricRows
-
-Floats = npt.NDArray[np.float64]
 
 
 class IndependentRowsParameters:

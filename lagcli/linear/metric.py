@@ -10,10 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Flags, Floats
 from lagcli.frozen import frozen
 
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.intp]
 
 # M is clearly definite where its smallest eigenvalue is this many times what rounding may leave of a singular one.

@@ -15,16 +15,14 @@ from functools import cached_property
 from typing import Protocol, Self, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles, progress
+from lagcli.arrays import Floats
 from lagcli.frozen import frozen
 from lagcli.linear import decompositions
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 Point = Floats  # or, as objects, numbers with many digits
 # Of points (..., n) the values (..., m) of m equations, and their gradients (..., m, n).
 Values = Callable[[Floats], tuple[Floats, Floats]]

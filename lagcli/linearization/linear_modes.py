@@ -11,9 +11,9 @@ from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Complex, Floats
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import decompositions
@@ -24,8 +24,6 @@ from lagcli.linearization.reference import Steady
 from lagcli.linearization.spectrum import Spectrum
 from lagcli.model.model import Units
 
-Floats = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 About = Literal["equilibrium", "steady", "periodic"]
 
 # Models of more coordinates have their lowest modes looked for, and how many of them where nobody says.

@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.equations import level_functions, operation_rules, system
 from lagcli.equations.system import System
 from lagcli.linear.metric_rows import LocalRows
@@ -30,7 +31,6 @@ from lagcli.smoothness.sized_function import SizedFunction
 if TYPE_CHECKING:
     from scipy import sparse
 
-Floats = npt.NDArray[np.float64]
 
 # Points at which a function is looked at, and how far they are spread.
 POINTS, SPREAD = 4, 0.1

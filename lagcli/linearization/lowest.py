@@ -13,17 +13,15 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Complex, Floats
 from lagcli.linearization.linearized import Linear
 from lagcli.smoothness import sides
 
 if TYPE_CHECKING:
     from scipy import sparse
 
-Floats = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 
 # Shift and weights of rows, as parts of the largest K_ii / M_ii.
 SHIFT, STIFF = 1e-7, 1e5

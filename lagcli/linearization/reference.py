@@ -11,15 +11,14 @@ import math
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem
 from lagcli.linear import decompositions
 from lagcli.linearization import spectrum
 from lagcli.linearization.linearized import Linear, LinearizedFunctions, Reference, RowValues
 
-Floats = npt.NDArray[np.float64]
 Kind = Literal["equilibrium", "steady", "varying"]
 
 # Parts of the duration at which the path is looked at.

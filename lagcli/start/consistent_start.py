@@ -8,9 +8,9 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles, progress
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem
 from lagcli.equations import row_parameters, size_limits
 from lagcli.equations.system import System
@@ -23,8 +23,6 @@ from lagcli.start.initial import State
 if TYPE_CHECKING:
     # Most starts are consistent as they are declared.
     from lagcli.start.assembly import Assembly
-
-Floats = npt.NDArray[np.float64]
 
 
 @frozen

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Flags, Floats
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations.system import System
@@ -14,9 +14,6 @@ from lagcli.linear import decompositions
 from lagcli.smoothness import named_functions
 from lagcli.start import initial, projection
 from lagcli.start.initial import State
-
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 
 class LipschitzParameters:

@@ -14,17 +14,15 @@ import functools
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.analysis.codimension.scaled_equations import Equations, ScaledPart
+from lagcli.arrays import Floats
 from lagcli.linear import decompositions, metric_rows, rank, surface
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows
 from lagcli.linear.surface import Linearized
 from lagcli.start import initial, precise_rows, projection
-
-Floats = npt.NDArray[np.float64]
 
 
 class ManifoldParameters:

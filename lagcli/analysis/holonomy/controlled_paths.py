@@ -22,10 +22,10 @@ from numpy.linalg import LinAlgError
 
 from lagcli import doubles
 from lagcli.analysis.holonomy.local_system import LocalPart
+from lagcli.arrays import Floats
 from lagcli.compiled import dop853_tableau, paths
 from lagcli.linear import decompositions, rank
 
-Floats = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
 SHARED = 50  # paths among which common beginnings are looked for

@@ -16,11 +16,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles, progress
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem, paths
 from lagcli.equations.system import System
 from lagcli.start.initial import State
 
-Floats = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
 LARGEST = 60  # coordinates of a part; what is further away rests

@@ -15,11 +15,10 @@ import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.analysis.holonomy import controlled_paths
+from lagcli.arrays import Flags, Floats
 from lagcli.linear import rank
 
-Floats = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
 
 
 class LoopWordParameters:

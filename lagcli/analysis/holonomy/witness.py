@@ -14,14 +14,12 @@ import math
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.analysis.holonomy import controlled_paths, loop_words
 from lagcli.analysis.holonomy.local_system import LocalPart
 from lagcli.analysis.holonomy.loop_words import Goal, LoopWords
-
-Floats = npt.NDArray[np.float64]
+from lagcli.arrays import Floats
 
 
 class WitnessParameters:

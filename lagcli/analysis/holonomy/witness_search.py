@@ -19,13 +19,13 @@ from lagcli.analysis.holonomy.controlled_paths import PathOrbit
 from lagcli.analysis.holonomy.local_system import LARGEST, LocalPart, LoopTimeUpError, around
 from lagcli.analysis.holonomy.loop_words import Goal
 from lagcli.analysis.holonomy.witness import LoopTrial, Witness
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.linear import independent_rows
 from lagcli.start import assembly, initial, projection
 from lagcli.start.initial import State
 
-Floats = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
 

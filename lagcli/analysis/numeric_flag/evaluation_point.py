@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled import program, row_block
 from lagcli.compiled.row_block import RowBlock
 from lagcli.expression import term_sizes
@@ -21,8 +21,6 @@ from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows, Sparse
 from lagcli.linear.rank import Rank
 from lagcli.start import initial
-
-Floats = npt.NDArray[np.float64]
 
 
 class BracketParameters:

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.arrays import Integers
 from lagcli.expression import functions, tree
 from lagcli.model.resolve import Reference
 
 Array = npt.NDArray[Any]
-Integers = npt.NDArray[np.int64]
 Directions = Mapping[str, Array]
 
 

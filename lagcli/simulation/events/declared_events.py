@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.contact import zero_search
 from lagcli.simulation.events.event import IncidentLog, InstantLines
@@ -21,7 +22,6 @@ from lagcli.simulation.stepping import grid
 from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 
-Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
 # So many times its rounding from zero, or that of the time, a declared function is at zero; whether it crosses at a

@@ -4,8 +4,8 @@ Differential equations with discontinuous righthand sides, section 4)."""
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.compiled.force_switches import ForceSwitches
 from lagcli.equations.system import System
 from lagcli.simulation.run_state.run_stop import STICKS, StepFailure
@@ -17,7 +17,6 @@ from lagcli.smoothness.sides import PARAMETERS as SIDE_LIMITS
 from lagcli.smoothness.sides import Sides
 from lagcli.start import initial
 
-Floats = npt.NDArray[np.float64]
 # Where the sides of a switch are looked at: so far from it, as parts of the way of the state to it.
 NEAR = 0.25
 OFFSETS = np.array([-1, -NEAR, NEAR, 1])
