@@ -163,13 +163,13 @@ def test_the_bicycle_has_its_published_eigenvalues_at_every_speed(monkeypatch: p
     """At v = 3 and 6 the projected start has a rate of 1e-33 in one row, which is all there is in that row."""
     built: list[LinearizedFunctions] = []
 
-    def functions(ready, closed, limit) -> LinearizedFunctions:
-        built.append(built[0] if built else LinearizedFunctions(ready.system, closed))
+    def functions(linearizing, closed) -> LinearizedFunctions:
+        built.append(built[0] if built else LinearizedFunctions(linearizing.ready.system, closed))
         return built[0]
 
     # None of its rows can be integrated, and its functions are those of every speed.
     monkeypatch.setattr(classify, "search", lambda *given: KnownIntegrals())
-    monkeypatch.setattr(find_modes, "_functions", functions)
+    monkeypatch.setattr(find_modes._Linearizing, "_functions", functions)
     for v in (0.1, 3, 6, 13.7):
         found = lagcli.modes(lagcli.loads(whipple.MODEL, parameters={"v": v}))
         wanted = whipple.eigenvalues(v)
