@@ -1,11 +1,8 @@
 """The linear complementarity problem of contacts, solved as the shortest vector that satisfies their inequalities.
 
 0 <= Lambda and S Lambda - h >= 0, one of the two zero for each contact, with S = G~ G~^T: the conditions for the
-shortest x with G~ x >= h, x = G~^T Lambda (the principle of Gauss). S is never formed, so that digits are not squared
-away, and x is unique even where Lambda is not.
-
-Where rows that hold a load are dependent, as the legs of a table, of all Lambda that do the shortest is given: the same
-split as among equality rows (`compiled.selection`).
+shortest x with G~ x >= h, x = G~^T Lambda (the principle of Gauss). S is never formed, which would square digits away.
+Of all Lambda that do where rows are dependent the shortest is given, as among equality rows (`compiled.selection`).
 """
 
 from __future__ import annotations
@@ -38,11 +35,8 @@ PARAMETERS = ComplementarityParameters()
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Complementary:
-    """A solution, and what is known of it.
-
-    x: (m,) = G~^T Lambda. multipliers: Lambda (k,). slack: G~ x - h (k,), 0 where Lambda > 0. holds: the contacts
-    with no slack to rounding. unique: Lambda_j is the same in all solutions.
-    """
+    """x (m,) = G~^T Lambda; multipliers: Lambda (k,); slack: G~ x - h (k,), 0 where Lambda > 0; holds: the contacts
+    with no slack to rounding; unique: Lambda_j is the same in all solutions."""
 
     x: Floats
     multipliers: Floats
@@ -54,9 +48,8 @@ class Complementary:
 def solve(rows: Floats, bounds: Floats, rounding: Floats | float = 0.0) -> Complementary:
     """0 <= Lambda, G~ G~^T Lambda - h >= 0, complementary; rows G~ (k, m), bounds h (k,) known to `rounding` (k,).
 
-    Where Lambda is not unique, of all solutions that with the least sum of Lambda_i^2 |G~_i|^2. A row of zeros holds
-    nothing: its Lambda is 0 (and not unique where h is 0). Raises `ContradictoryRows` with the rows of which not all
-    can hold, `UndecidedRows`.
+    Of all solutions that with the least sum of Lambda_i^2 |G~_i|^2; of a row of zeros Lambda is 0. Raises
+    `ContradictoryRows` with the rows of which not all can hold, `UndecidedRows`.
     """
     count = bounds.size
     lengths = np.asarray(np.linalg.norm(rows, axis=1))
@@ -89,10 +82,8 @@ def solve(rows: Floats, bounds: Floats, rounding: Floats | float = 0.0) -> Compl
 
 
 def shared(A: Floats, mu: Floats, pulling: int = 0) -> tuple[Floats, Flags]:
-    """The shortest mu with the same A^T mu, of rows of length one A (k, m), >= 0 after the first `pulling`.
-
-    And which entries are the same in all.
-    """
+    """The shortest mu with the same A^T mu, of rows of length one A (k, m), >= 0 after the first `pulling`; and which
+    entries are the same in all."""
     count = mu.size
     if not count or (count == 1 and A.any()):
         return mu, np.ones(count, dtype=bool)

@@ -65,8 +65,8 @@ class EnergyCreated(LawError):
 class LawResult:
     """x (n,), velocities after an impact or accelerations, and impulses or forces of the rows, (C,) and (k,).
 
-    unique: which of those are, (C + k,), equality rows first. slack: of the contacts (k,), dot g+ or ddot g. energy:
-    1/2 sum Lambda_j (dot g_j+ + dot g_j-), which is T+ - T- where rows are at rest; 0 for forces.
+    unique: which of those are, (C + k,). slack: dot g+ or ddot g (k,). energy: 1/2 sum Lambda_j (dot g_j+ + dot g_j-),
+    which is T+ - T- where rows are at rest; 0 for forces.
     """
 
     x: Floats
@@ -107,10 +107,8 @@ def impact(
 def certified(
     before: Floats, after: Floats, impulses: Floats, terms: Floats, at_hand: float | None = None
 ) -> float:
-    """The energy gained by impulses of contacts (k,), none of which pulls. Raises `EnergyCreated`.
-
-    before, after: dg/dt (k,); terms: the sizes of its terms before the impact; at_hand: twice the energy there is.
-    """
+    """The energy gained by impulses of contacts (k,), none of which pulls. Raises `EnergyCreated`. before, after: dg/dt
+    (k,); terms: the sizes of its terms before the impact; at_hand: twice the energy there is."""
     assert (impulses >= 0.0).all()
     gains = impulses * (before + after) / 2
     energy = float(gains.sum())
@@ -124,9 +122,7 @@ def forces(
     metric: Metric, h: Floats, equalities: tuple[Sparse, Floats], contacts: tuple[Sparse, Floats]
 ) -> LawResult:
     """The accelerations and forces under h with rows B a = gamma, (B, gamma), and contacts G a >= gamma, (G, gamma).
-
-    Raises `LawError` where no forces keep the contacts from closing.
-    """
+    Raises `LawError` where no forces keep the contacts from closing."""
     (B, gamma_B), (G, gamma) = equalities, contacts
     rows, free = TouchingRows(metric, B, G), metric.solved(h)
     rounding = complementarity.PARAMETERS.safe * doubles.EPS * (_sizes(rows.G, free) + np.abs(gamma))
@@ -144,9 +140,7 @@ def _sizes(G: LocalRows, x: Floats) -> Floats:
 
 class TouchingRows:
     """Equality rows B (C, n) and contacts G (k, n) at one configuration, sparse; `metric` leaves no coordinate out.
-
-    Blocks of rows that share no coordinate of the metric do not act on each other: each is solved alone, dense.
-    """
+    Blocks of rows that share no coordinate of the metric are solved alone, dense."""
 
     def __init__(self, metric: Metric, B: Sparse, G: Sparse) -> None:
         self.metric = metric
@@ -219,11 +213,8 @@ class ContactBlock:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Response:
-    """The effect of an impulse 1 of a contact: velocities P G^T (n,), impulses of the equality rows (C,).
-
-    square: G P G^T; free: G M^-1 G^T; left: what rounding leaves of the equality rows, as a part; terms: the sum of
-    |G_i v_i| and |g_t| at the velocities at hand.
-    """
+    """The effect of an impulse 1 of a contact: velocities P G^T (n,), impulses of the equality rows (C,); square: G P
+    G^T; free: G M^-1 G^T; left: the rounding of equality rows, as a part; terms: the sum of |G_i v_i| and |g_t|."""
 
     x: Floats
     of_equalities: Floats
@@ -234,16 +225,13 @@ class Response:
 
     @property
     def is_certain(self) -> bool:
-        """True where the formula is as good as rounding."""
         is_left = 0.0 < self.free < np.inf and self.square > PARAMETERS.apart * self.free
         return bool(is_left and self.left <= doubles.VALUE)
 
 
 def single(v: Floats, speed: float, e: float, response: Response) -> LawResult | None:
     """The impact of one contact with dg/dt = speed and coefficient e; None where rounding is too large for a formula.
-
-    Raises `EnergyCreated`.
-    """
+    Raises `EnergyCreated`."""
     if not response.is_certain:
         return None
     before = np.array([speed])
@@ -269,7 +257,6 @@ class FewContacts:
 
     @property
     def are_apart(self) -> bool:
-        """True where formulas are as good as rounding."""
         if not all(response.is_certain for response in self.responses):
             return False
         if len(self.responses) == 1:
@@ -283,7 +270,6 @@ class FewContacts:
         return np.array([response.free for response in self.responses])
 
     def moved(self, x: Floats, z: Floats) -> Floats:
-        """x (n,) after impulses or forces z (k,)."""
         for response, part in zip(self.responses, z.tolist(), strict=True):
             if part:
                 x = x + part * response.x
@@ -314,10 +300,8 @@ class FewContacts:
         return None
 
     def impact(self, v: Floats, speeds: Floats, e: Floats, terms: Floats) -> LawResult | None:
-        """The impact of contacts with dg/dt = speeds (k,), sums of terms (k,), and coefficients e (k,).
-
-        None where rounding decides. Raises `EnergyCreated`.
-        """
+        """The impact of contacts with dg/dt = speeds (k,), sums of terms (k,), and coefficients e (k,); None where
+        rounding decides. Raises `EnergyCreated`."""
         c = speeds - least_after(speeds, e)
         z = self.solve(c, complementarity.PARAMETERS.safe * doubles.EPS * terms)
         if z is None:

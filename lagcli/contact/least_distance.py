@@ -1,12 +1,9 @@
 """The shortest vector that satisfies linear inequalities (Lawson and Hanson, Solving Least Squares Problems, ch. 23).
 
-The shortest x with A x >= h is A^T mu with mu >= 0, and mu is that of the least squares with mu >= 0 of
-(A^T; h^T) mu against (0, ..., 0, 1). That answer names the rows that hold x; from those x and mu are solved anew to
-rounding, and what is found is checked.
-
-Weights that are not negative are proposed by SciPy, and not believed before they are proved: `scipy.optimize.nnls` has
-given wrong answers where columns are dependent in several releases (scipy issues 21630, 25389), and dependent columns
-are what contacts have. Another order of the columns, and another method, give other proposals.
+The shortest x with A x >= h is A^T mu, mu >= 0 that of the least squares of (A^T; h^T) mu against (0, ..., 0, 1). From
+the rows that it names x and mu are solved anew to rounding, and checked: `scipy.optimize.nnls` has given wrong answers
+for dependent columns, which contacts have (scipy issues 21630, 25389). Another order of the columns, and another
+method, give other proposals.
 """
 
 from __future__ import annotations

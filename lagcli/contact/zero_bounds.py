@@ -1,13 +1,9 @@
 """Bounds of functions on a piece of a step, from values and slopes at its ends and a misfit measured inside.
 
-On a piece of width w, with u in [0, 1] along it, a function lies between p(u) - 16 d u^2 (1 - u)^2 and
-p(u) + 16 d u^2 (1 - u)^2: p is the cubic through the values and slopes of both ends (Hermite), which has exactly
-this shape of error, and the misfit d the largest misfit in the piece. Both bounds have degree 4, and a polynomial lies
-within its Bernstein coefficients and has at most as many roots as these change sign (Descartes). Of the five
-coefficients d moves one, that in the middle, by 8 d / 3.
-
-The formulas hold for one function, in floats, and for many, in arrays (k,): of thousands most are told at once, and
-one is looked at for a tenth of what numpy takes for it.
+With u in [0, 1] along it a function lies within p(u) +- 16 d u^2 (1 - u)^2: p is the cubic through the values and
+slopes of both ends (Hermite), d the largest misfit. Both bounds have degree 4; a polynomial lies within its Bernstein
+coefficients and has at most as many roots as these change sign (Descartes). Of the five d moves that in the middle, by
+8 d / 3. The formulas hold for one function, in floats, and for many, in arrays (k,).
 """
 
 from __future__ import annotations
@@ -89,11 +85,8 @@ def extent(b: Cubic[Number], misfit: Number) -> tuple[Number, Number]:
 
 
 def misfit(ends: Ends[Number], c: float, inner: tuple[Number, Number], noise: Number) -> Number:
-    """The misfit (A + B (u - c)) u^2 (1 - u)^2 that value and slope at the part c of the piece, inner, show.
-
-    noise: rounding of the function, which is no misfit. In the parts of the piece the misfit is c times and 1 - c
-    times this.
-    """
+    """The misfit (A + B (u - c)) u^2 (1 - u)^2 that value and slope at the part c of the piece, inner, show; in its
+    parts it is c and 1 - c times this. noise: rounding of the function, which is no misfit."""
     (g, m0, end, m1), (value, slope) = ends, inner
     rise = end - g
     steep, bent = 3 * rise - 2 * m0 - m1, m0 + m1 - 2 * rise
@@ -106,10 +99,8 @@ def misfit(ends: Ends[Number], c: float, inner: tuple[Number, Number], noise: Nu
 
 
 def turns_once(b: Cubic[float], misfit: float, is_up: bool) -> bool:
-    """True if a function leaves its side, the upper one or the lower one, and does so at one point alone.
-
-    One that begins at zero, rounding on the wrong side of it, is taken to begin on its side.
-    """
+    """True if a function leaves its side, the upper one or the lower one, and does so at one point alone. One that
+    begins at zero, rounding on the wrong side of it, is taken to begin on its side."""
     b0, b1, b2, b3 = b if is_up else (-b[0], -b[1], -b[2], -b[3])
     level = min(b0, 0.0)
     c0, c1, c3, c4 = b0 - level, (b0 + 3 * b1) / 4 - level, (3 * b2 + b3) / 4 - level, b3 - level

@@ -1,15 +1,13 @@
 """The first point along a step at which one of many functions crosses zero.
 
 The step is cut into pieces from left to right, for one function after the other. A piece is done as soon as bounds
-(`zero_bounds`) keep the function on its side; where they say that it leaves its side at one point alone, that point is
-found by Newton's method within the bracket (the slopes are at hand, and it ends with the value itself at rounding);
-else the piece is cut. What lies beyond a crossing that is found is no longer looked at. Of thousands of functions those
-that stay clear of zero are done after three evaluations, all at once.
+(`zero_bounds`) keep the function on its side; where they say that it leaves it at one point alone, that point is found
+by Newton's method within the bracket; else it is cut. Of thousands of functions those that stay clear of zero are done
+after three evaluations, all at once.
 
-The first cut is at the golden section, which no whole number of waves fits well: a wave as long as the step or
-shorter that has an extreme at both ends has a slope there of 4 pi^2/sqrt(5), 17 times its height, at the least, and
-is seen. What is narrower than the samples are apart and leaves no trace in values and slopes of three of them cannot
-be seen by any search.
+The first cut is at the golden section, which no whole number of waves fits well: a wave as long as the step or shorter
+that has an extreme at both ends has a slope there of 4 pi^2/sqrt(5) times its height, at the least, and is seen. What
+is narrower and leaves no trace in values and slopes of three samples cannot be seen by any search.
 """
 
 from __future__ import annotations
@@ -17,14 +15,14 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Generic, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.contact import zero_bounds
-from lagcli.contact.zero_bounds import Cubic, Ends, Floats
+from lagcli.contact.zero_bounds import Cubic, Ends, Floats, Number
 
 Flags = npt.NDArray[np.bool_]
 # x -> values (K,) and slopes dg/dx (K,) of all functions.
@@ -92,32 +90,26 @@ def first_crossing(
         return search.run()
 
 
-class _Sample(NamedTuple):
-    """All functions at x: values g (K,) and slopes dg/dx (K,)."""
+class _Sample(NamedTuple, Generic[Number]):
+    """Values g and slopes dg/dx at x: of all functions, (K,) each, or of one."""
 
     x: float
-    g: Floats
-    slope: Floats
+    g: Number
+    slope: Number
 
 
-class _Point(NamedTuple):
-    """One function at x."""
-
-    x: float
-    g: float
-    slope: float
+_All = _Sample[Floats]
 
 
 class _Piece(NamedTuple):
     """A piece of the step for one function, and the misfit about its cubic there."""
 
-    left: _Point
-    right: _Point
+    left: _Sample[float]
+    right: _Sample[float]
     misfit: float
 
     @property
     def width(self) -> float:
-        """Its part of the step."""
         return self.right.x - self.left.x
 
     @property
@@ -129,7 +121,7 @@ class _Piece(NamedTuple):
     def cubic(self) -> Cubic[float]:
         return zero_bounds.cubic(self.ends)
 
-    def cut(self, inner: _Point, noise: float) -> list[_Piece]:
+    def cut(self, inner: _Sample[float], noise: float) -> list[_Piece]:
         """Both parts, the right one first."""
         c = (inner.x - self.left.x) / self.width
         misfit = zero_bounds.misfit(self.ends, c, (inner.g, self.width * inner.slope), noise)
@@ -162,13 +154,12 @@ class _Search:
         self.rises: dict[int, float] = {}
         self.start = self.sample(0.0)
 
-    def sample(self, x: float) -> _Sample:
+    def sample(self, x: float) -> _All:
         self.evaluations += 1
         g, slope = self._values(x)
         return _Sample(x, g, slope) if self.sign is None else _Sample(x, self.sign * g, self.sign * slope)
 
     def begin(self, direction: npt.ArrayLike, armed: npt.ArrayLike) -> None:
-        """Sides at the start."""
         start = self.start
         if direction is DOWN and armed is True:
             self.up = start.g >= -self.noise
@@ -210,7 +201,7 @@ class _Search:
         near[crossing] = True
         return FirstCrossing(stop.x, _numbers(near), clear=stop.x, evaluations=self.evaluations)
 
-    def candidates(self, inner: _Sample, end: _Sample) -> list[int]:
+    def candidates(self, inner: _All, end: _All) -> list[int]:
         """The functions that may leave their side, those first that seem to do so first."""
         rows = np.arange(self.noise.size) if self.noise.size <= PARAMETERS.few else self.open_rows(inner, end)
         if rows.size < 2:
@@ -221,7 +212,7 @@ class _Search:
         guess = np.where(g[1] < 0, early, np.where(g[2] < 0, late, 1.0))
         return [int(row) for row in rows[np.argsort(guess, kind="stable")]]
 
-    def open_rows(self, inner: _Sample, end: _Sample) -> npt.NDArray[np.intp]:
+    def open_rows(self, inner: _All, end: _All) -> npt.NDArray[np.intp]:
         """The functions that are not kept on their side by the first three samples."""
         start = self.start
         whole = start.g, start.slope, end.g, end.slope
@@ -236,11 +227,9 @@ class _Search:
             stays &= np.where(self.up, low >= -slack, high <= slack)
         return np.flatnonzero(~stays)
 
-    def first_of(self, row: int, samples: tuple[_Sample, _Sample], stop: _Sample) -> _Sample | None:
-        """The first crossing of one function before or at a sample; samples: at the first cut and at the end.
-
-        Raises `_Unresolved`.
-        """
+    def first_of(self, row: int, samples: tuple[_All, _All], stop: _All) -> _All | None:
+        """The first crossing of one function before or at a sample; samples: at the first cut and at the end. Raises
+        `_Unresolved`."""
         noise, up = float(self.noise[row]), bool(self.up[row])
         left, inner, right = (_of(each, row) for each in (self.start, *samples))
         pieces = [part.with_least_misfit() for part in _Piece(left, right, 0.0).cut(inner, noise)]
@@ -272,7 +261,7 @@ class _Search:
                 pieces += piece.cut(_of(self.sample(_cut_point(piece, up)), row), noise)
         return None
 
-    def root(self, row: int, piece: _Piece) -> _Sample:
+    def root(self, row: int, piece: _Piece) -> _All:
         """The one point in a piece at which a function leaves its side: Newton's steps within the bracket from that
         of its cubic; it is halved where they are no gain."""
         left, right = piece.left, piece.right
@@ -303,8 +292,8 @@ class _Search:
         return up
 
 
-def _of(sample: _Sample, row: int) -> _Point:
-    return _Point(sample.x, float(sample.g[row]), float(sample.slope[row]))
+def _of(sample: _All, row: int) -> _Sample[float]:
+    return _Sample(sample.x, float(sample.g[row]), float(sample.slope[row]))
 
 
 def _cut_point(piece: _Piece, is_up: bool) -> float:

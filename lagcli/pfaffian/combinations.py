@@ -1,15 +1,12 @@
-"""First integrals as combinations of given functions with constant coefficients: sum_l c_l X_j(m_l) = 0.
-
-Which functions combine, and how, is found in doubles at random points; the constants are then made exact: as fractions,
-or by comparing coefficients where parameters occur. The result is a proposal.
-"""
+"""First integrals as combinations of given functions with constant coefficients: sum_l c_l X_j(m_l) = 0. They are found
+in doubles at random points, and proposed with exact constants: fractions, or by comparing coefficients."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import partial
+from functools import partial, reduce
 from itertools import combinations_with_replacement
 from math import comb, lcm
 
@@ -21,6 +18,7 @@ from lagcli import doubles
 from lagcli.linear import decompositions
 from lagcli.pfaffian import kernel_frame as frames
 from lagcli.pfaffian.exact import constant_combinations, guarded, normal_form, sampling
+from lagcli.pfaffian.exact.guarded import SympyFailure
 from lagcli.pfaffian.forms import form as forms
 
 Floats = npt.NDArray[np.float64]
@@ -33,6 +31,10 @@ _SPARE, _NEAR = 12, 4
 _MANY = 12
 # A coefficient is a fraction where one has so small a denominator.
 _MAX_DENOMINATOR = 360
+# Candidates taken, in the order of their letters: each is a column of a linear system.
+MAX_SURFACES = 24
+# Degrees of inverse multipliers, one after the other: a plane and a conic have 3, two conics 4.
+_DEGREES = (2, 3, 4)
 # The highest power of a letter without a relation, beyond every degree that is asked for.
 _UNBOUNDED = 99
 # Values may leave the range of doubles: what is not finite is left out, in `null_vectors` and `Known`.
@@ -73,10 +75,7 @@ class Alphabet:
 def alphabet(
     entries: Sequence[sympy.Expr], variables: Sequence[sympy.Symbol], more: Sequence[sympy.Expr] = ()
 ) -> Alphabet:
-    """The variables and the functions that occur in the entries, and `more`.
-
-    Raises `normal_form.NoNormalFormError`.
-    """
+    """The variables and the functions that occur in the entries, and `more`. Raises `normal_form.NoNormalFormError`."""
     basis = normal_form.NormalForm(entries)
     moving = set(variables)
     letters: dict[sympy.Expr, int] = dict.fromkeys(variables, _UNBOUNDED)
@@ -164,7 +163,6 @@ class CombinationField:
         return Numbers(np.array(along).T, np.array(terms).T, np.array(near))
 
     def functions(self, chosen: Sequence[sympy.Expr]) -> Numbers:
-        """The numbers of any functions."""
         found = [self.derivatives(g) for g in chosen]
         along, terms = (np.array([f[n].ravel() for f in found]).T for n in range(2))
         return Numbers(along, terms, np.array([f[2][:, :_NEAR] for f in found]))
@@ -177,10 +175,8 @@ def join(*both: Numbers) -> Numbers:
 
 
 def null_vectors(numbers: Numbers) -> list[dict[int, float]]:
-    """Combinations of the columns of defects that vanish: {column: coefficient}, the last coefficient 1.
-
-    Each column that depends on earlier ones gives one, in those earlier columns that depend on no others.
-    """
+    """Combinations of the columns of defects that vanish: {column: coefficient}, one for each column that depends on
+    earlier ones, with the coefficient 1, in those that depend on no others."""
     finite = np.all(np.isfinite(numbers.terms) & np.isfinite(numbers.along), axis=1)
     along, terms = numbers.along[finite], numbers.terms[finite]
     if not len(along):
@@ -219,7 +215,6 @@ class Known:
         return False
 
     def take(self, slopes: Floats) -> None:
-        """Add what was accepted."""
         self._taken.append(slopes)
 
 
@@ -273,3 +268,106 @@ def exact(
         pairs = zip(found, used, strict=True)
         return sympy.Add(*(guarded.cancel(c * common) * functions[i] for c, i in pairs))
     return None
+
+
+# Invariant surfaces: p with X_j(p) = K_j p, of which logarithmic integrals are made. Candidates are factors of
+# coefficients, of known integrals, and of an inverse multiplier V: theta_1 ^ ... ^ theta_C = d(phi_1) ^ ... ^
+# d(phi_C)/V, X_j(V) = div_j V (G. Darboux, Bull. Sci. Math. 2, 1878; Jacobi's last multiplier is 1/V).
+
+
+def factors(entries: Iterable[sympy.Expr], variables: Sequence[sympy.Symbol]) -> list[sympy.Expr]:
+    """The letters of the entries and the factors of their numerators and denominators. Raises `NoNormalFormError`."""
+    listed = list(entries)
+    basis = normal_form.NormalForm([*listed, *variables])
+    return basis.surfaces(listed, variables)[:MAX_SURFACES]
+
+
+def denominator(entries: Iterable[sympy.Expr]) -> sympy.Expr:
+    """The least common denominator in the normal form. Raises `normal_form.NoNormalFormError`."""
+    listed = list(entries)
+    basis = normal_form.NormalForm(listed)
+    parts = (basis.element(e).denom for e in listed)
+    return basis.expression(reduce(lambda a, b: a.lcm(b), parts, basis.ring.one))
+
+
+def angles(surfaces: Iterable[sympy.Expr], variables: Sequence[sympy.Symbol]) -> list[sympy.Expr]:
+    """atan2(v, u) for each surface u**2 + v**2 = (u + i v)(u - i v) that is quadratic in a variable."""
+    found = []
+    for p in surfaces:
+        for x in (x for x in variables if x in p.free_symbols and p.is_polynomial(*variables)):
+            a, b, c = (guarded.Poly(p, x).coeff_monomial(x**n) for n in (2, 1, 0))
+            if a == 0 or a.free_symbols & set(variables) or guarded.degree(p, x) != 2:
+                continue
+            # 4 a p = (2 a x + b)**2 + (4 a c - b**2)
+            v = _square_root(guarded.expand(4 * a * c - b**2), variables)
+            if v is not None:
+                # Both without their common factor, with plain signs.
+                u = guarded.expand(2 * a * x + b)
+                common = guarded.gcd(v, u)
+                parts = [guarded.cancel(e / common) for e in (v, u)]
+                plain = (guarded.expand(-e if e.could_extract_minus_sign() else e) for e in parts)
+                found.append(sympy.atan2(*plain))
+                break
+    return found
+
+
+def _square_root(square: sympy.Expr, variables: Sequence[sympy.Symbol]) -> sympy.Expr | None:
+    """v with v**2 = square, polynomial in the variables and not constant, or None."""
+    constant, parts = guarded.factor_list(square)
+    moving = set(variables)
+    if not square.free_symbols & moving or any(n % 2 for f, n in parts if f.free_symbols & moving):
+        return None
+    for f, n in parts:
+        constant *= 1 if f.free_symbols & moving else f**n
+    if constant.is_negative:
+        return None
+    root = sympy.sqrt(constant).replace(sympy.Abs, lambda u: u)
+    return root * sympy.Mul(*(f ** (n // 2) for f, n in parts if f.free_symbols & moving))
+
+
+def multipliers(frame: frames.KernelFrame, letters: Alphabet) -> list[sympy.Expr]:
+    """Inverse multipliers V: polynomials in the letters over the common denominator of the frame. Raises
+    `NoAnswerError`."""
+    below = denominator(e for row in frame.solved for e in row)
+    divergences = []
+    for j in range(len(frame.free)):
+        pairs = zip(frame.pivots, frame.solved, strict=True)
+        terms = (forms.partial(row[j], frame.variables[p]) for p, row in pairs)
+        divergences.append(sum(terms, sympy.Integer(0)))
+    weights = [d + r / below for d, r in zip(divergences, frame.rates(below), strict=True)]
+    constants = constants_of(frame)
+
+    def defects(w: sympy.Expr) -> list[sympy.Expr]:
+        return [r - k * w for r, k in zip(frame.rates(w), weights, strict=True)]
+
+    for degree in _DEGREES:
+        if not letters.largest(degree):
+            break
+        chosen = [(), *letters.monomials(degree)]
+        functions = letters.products(chosen)
+        field = CombinationField(frame, weights, len(chosen))
+        weight = np.array([field.sample.of(w) for w in weights])
+        numbers = field.monomials(letters, chosen, weight)
+        found = []
+        for vector in null_vectors(numbers)[:4]:
+            w = exact(vector, functions, defects, constants)
+            if w is not None:
+                found.append(w / below)
+        if found:
+            return found
+    return []
+
+
+def surfaces_of(functions: Iterable[sympy.Expr], variables: Sequence[sympy.Symbol]) -> list[sympy.Expr]:
+    """Irreducible factors of rational functions, those that hold variables."""
+    found: list[sympy.Expr] = []
+    for e in functions:
+        if e.atoms(sympy.log, sympy.atan2):
+            continue
+        try:
+            for part in sympy.fraction(guarded.together(e)):
+                found += [f for f, _ in guarded.factor_list(part)[1]]
+        except SympyFailure:
+            continue
+    moving = set(variables)
+    return [f for f in dict.fromkeys(found) if f.free_symbols & moving and not isinstance(f, sympy.exp)]

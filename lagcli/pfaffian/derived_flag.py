@@ -74,11 +74,9 @@ class Flag:
 def flag(
     block: PfaffianBlock, deadline: float, time: sympy.Symbol | None = None, values: Values | None = None
 ) -> Flag:
-    """The flag of the block for nearly all values of the parameters; `time`: of which no multiple may lie in I.
-
-    Raises `function_field.ExceptionalError` where it may not hold for given `values`, `function_field.NotDecidedError`
-    where an entry is neither proved zero nor proved not, at `deadline` and where expressions grow too large.
-    """
+    """The flag of the block for nearly all values of the parameters; `time`: of which no multiple may lie in I. Raises
+    `ExceptionalError` where it may not hold for given `values`, `NotDecidedError` where an entry is neither proved zero
+    nor proved not, at `deadline` and where expressions grow too large."""
     try:
         return time_limit.run(deadline, lambda: _FlagSearch(block, deadline, time, values or {}).flag())
     except normal_form.NoNormalFormError as error:
@@ -197,11 +195,8 @@ class _FlagSearch:
         return self._field.sum(terms)
 
     def _conditions(self, remainders: tuple[FracElement, ...]) -> Flag:
-        """The g of g dt = 0: their factors that may vanish for some time, which those of time alone do not.
-
-        The short ones come first, and the others are what is left of them where those vanish: of a sum of two
-        conditions no factor is seen.
-        """
+        """The g of g dt = 0: their factors that may vanish for some time. The short ones come first, and the others are
+        what is left of them where those vanish: of a sum of two conditions no factor is seen."""
         own = {self._field.expression(g.numer) for g in remainders}
         divisors, found = tuple(e for e in self._field.divisors if e not in own), list[Demand]()
         variables = set(self._variables) - {self._variables[self._time]}

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from itertools import combinations
 
 import sympy
@@ -30,11 +31,7 @@ def eliminated(
     block: forms.PfaffianBlock, parameters: Mapping[sympy.Symbol, sympy.Expr] | None = None
 ) -> tuple[forms.PfaffianBlock, Substitutions]:
     """The block on the graph of every f of the surface that is linear in a coordinate other than time, with a constant
-    coefficient that is not zero for generic parameters and for those given.
-
-    The block that is left has the coordinates that remain, and the f that could not be used and do not vanish on the
-    others. The values of the substitutions hold remaining coordinates only.
-    """
+    coefficient, and the values of the coordinates that are gone. Of the other f those stay that do not vanish there."""
     pending: dict[int, sympy.Expr] = dict(enumerate(block.surface))
     indices = {x: n for n, x in enumerate(block.variables)}
     holding: dict[sympy.Symbol, set[int]] = {}
@@ -109,25 +106,24 @@ def _solution(
             slopes[plain[0]] = slopes.get(plain[0], sympy.Integer(0)) + rest
     candidates = []
     for x, slope in slopes.items():
-        if x in coupled or x.name == TIME or not _is_not_zero(slope, parameters):
+        if x in coupled or x.name == TIME:
+            continue
+        if not slope.is_Rational:
+            number = slope.xreplace(dict(parameters)).evalf()
+            if number.is_number and abs(number) <= doubles.VALUE:
+                continue
+            try:
+                finding = time_limit.run(math.inf, partial(zero_test.is_zero, slope, math.inf), _BUDGET)
+            except time_limit.TimeUpError:
+                continue
+            if finding.truth is not zero_test.Truth.NO:
+                continue
+        elif slope == 0:
             continue
         value = _expanded((slope * x - f) / slope)
         # A slope that is a number vanishes for no value of the parameters.
         candidates.append((not slope.is_Rational, value.count_ops(), -indices[x], x, value))
     return min(candidates, key=lambda c: c[:3])[3:] if candidates else None
-
-
-def _is_not_zero(constant: sympy.Expr, parameters: Mapping[sympy.Symbol, sympy.Expr]) -> bool:
-    if constant.is_Rational:
-        return bool(constant != 0)
-    number = constant.xreplace(dict(parameters)).evalf()
-    if number.is_number and abs(number) <= doubles.VALUE:
-        return False
-    try:
-        finding = time_limit.run(math.inf, lambda: zero_test.is_zero(constant, math.inf), _BUDGET)
-    except time_limit.TimeUpError:
-        return False
-    return finding.truth is zero_test.Truth.NO
 
 
 def _substituted(expression: sympy.Expr, values: Mapping[sympy.Symbol, sympy.Expr]) -> sympy.Expr:

@@ -8,12 +8,12 @@ frame of the kernel, and all together only when they are proved independent.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import sympy
 
 from lagcli.pfaffian import (
     combinations,
-    darboux,
     elimination,
     frobenius,
     integral_search,
@@ -37,24 +37,14 @@ def search(
     block: forms.PfaffianBlock, deadline: float, wanted: int | None = None, budget: int | None = None
 ) -> tuple[SearchResult, ...]:
     """Verified and independent first integrals of the rows (C, n), as far as closed forms are found until `deadline`.
-
-    wanted: how many there are where the rows are not completely integrable, on the surface of the block; budget: of
-    operations for all ways together.
-    """
+    wanted: how many there are where the rows are not completely integrable; budget: of operations."""
     real = {s: sympy.Symbol(s.name, real=True) for s in (*block.variables, *block.parameters)}
 
-    def plain(e: sympy.Expr) -> sympy.Expr:
-        return forms.plain(sympy.sympify(e).xreplace(real))
-
     def prepared() -> tuple[forms.PfaffianBlock, elimination.Substitutions]:
-        renamed = forms.PfaffianBlock(
-            block.names,
-            tuple(real[x] for x in block.variables),
-            tuple(tuple(plain(a) for a in row) for row in block.rows),
-            tuple(real[p] for p in block.parameters),
-            tuple(plain(f) for f in block.surface),
-        )
-        return elimination.in_angles(elimination.eliminated(renamed)[0])
+        named = forms.in_symbols(block, real)
+        rows = tuple(tuple(forms.plain(sympy.sympify(a)) for a in row) for row in named.rows)
+        plain = replace(named, rows=rows, surface=tuple(map(forms.plain, named.surface)))
+        return elimination.in_angles(elimination.eliminated(plain)[0])
 
     try:
         flat, angles = time_limit.run(deadline, prepared)
@@ -138,8 +128,8 @@ def turned(search: IntegralSearch) -> Proposals:
 
 def rational(search: IntegralSearch) -> Proposals:
     """Sums of products with the reciprocals of what the frame is divided by."""
-    below = darboux.denominator(search.entries)
-    factors = darboux.factors([below], search.frame.variables)
+    below = combinations.denominator(search.entries)
+    factors = combinations.factors([below], search.frame.variables)
     if search.block.surface or not below.free_symbols & set(search.frame.variables):
         return
     reciprocals = [1 / q for q in factors if below.has(q) or not q.is_Symbol]
@@ -149,14 +139,14 @@ def rational(search: IntegralSearch) -> Proposals:
 def products(search: IntegralSearch) -> Proposals:
     """Products of powers of invariant surfaces, exponentials, and angles."""
     frame, surface = search.frame, search.block.surface
-    surfaces = darboux.surfaces_of([f.integral for f in search.found], frame.variables)
-    known_factors = darboux.factors(search.entries, frame.variables)
+    surfaces = combinations.surfaces_of([f.integral for f in search.found], frame.variables)
+    known_factors = combinations.factors(search.entries, frame.variables)
     candidates = list(dict.fromkeys([*known_factors, *surfaces, *search.factors]))
     letters = search.alphabet()
     chosen = letters.monomials(2)
     functions = letters.products(chosen)
     logs = [sympy.log(p) for p in candidates]
-    logs += darboux.angles(candidates, frame.variables)
+    logs += combinations.angles(candidates, frame.variables)
     if surface:
         logs += [c * e for c in sorted(combinations.constants_of(frame), key=str) for e in logs]
     field = combinations.CombinationField(
@@ -170,10 +160,10 @@ def invariant_surfaces(search: IntegralSearch) -> Proposals:
     """More factors from an inverse multiplier; products of them, and polynomials over them."""
     if search.block.surface:
         return
-    found = darboux.multipliers(search.frame, search.alphabet())
+    found = combinations.multipliers(search.frame, search.alphabet())
     for v in found[1:]:
         yield SearchResult(tidy_integral.ratio(v, found[0]), "as a ratio of two inverse multipliers")
-    search.factors = darboux.surfaces_of(found, search.frame.variables)
+    search.factors = combinations.surfaces_of(found, search.frame.variables)
     yield from products(search)
     for q in search.factors:
         if not q.is_Symbol:

@@ -68,17 +68,11 @@ class FormVerdict:
 
 
 def classify(form: forms.Form, deadline: float) -> FormVerdict:
-    """The verdict for `form`, at the latest at `deadline` (see `progress.after`).
-
-    A form without a finite real value and one that vanishes identically are undecided, with the reason.
-    """
+    """The verdict for `form`, at the latest at `deadline` (see `progress.after`). A form without a finite real value
+    and one that vanishes identically are undecided, with the reason."""
     real = {s: sympy.Symbol(s.name, real=True) for s in (*form.variables, *form.parameters)}
-    prepared = forms.Form(
-        form.name,
-        tuple(real[x] for x in form.variables),
-        tuple(forms.plain(a.xreplace(real)) for a in form.coefficients),
-        tuple(real[p] for p in form.parameters),
-    )
+    named = forms.in_symbols(form, real)
+    prepared = replace(named, coefficients=tuple(map(forms.plain, named.coefficients)))
     return forms.in_symbols(_judge(prepared, deadline), {r: s for s, r in real.items()})
 
 
@@ -215,10 +209,8 @@ def _zeros(expressions: Iterable[sympy.Expr]) -> str:
 
 
 def _shared_factors(form: forms.Form) -> tuple[sympy.Expr, ...]:
-    """Irreducible factors that all components of omega ^ d omega share: at their zeros all vanish.
-
-    Those that evidently have no real zero are left out.
-    """
+    """Irreducible factors that all components of omega ^ d omega share, but for those that evidently have no real zero:
+    at their zeros all vanish."""
     components = sorted((c for c in form.wedge().values() if c != 0), key=lambda c: c.count_ops())
     basis = normal_form.NormalForm(components)
     above = below = basis.ring.zero

@@ -1,8 +1,5 @@
-"""The functions on a block as a field with derivations, and forms solved for their pivots in it.
-
-An entry counts as not zero only where that is proved; on a surface f = 0 one counts as zero where the ideal of the
-f holds it.
-"""
+"""The functions on a block as a field with derivations, and forms solved for their pivots in it. Not zero is what is
+proved so; on a surface f = 0 zero is what the ideal of the f holds."""
 
 from __future__ import annotations
 
@@ -45,7 +42,6 @@ class SolvedForms:
 
     @property
     def count(self) -> int:
-        """The number of forms."""
         return len(self.pivots)
 
 
@@ -159,10 +155,8 @@ class FunctionField:
         last: int = -1,
         vanishes: Callable[[sympy.Expr], bool] | None = None,
     ) -> SolvedForms:
-        """Reduced echelon form; pivots are taken where they are simplest, in the column `last` only at last.
-
-        vanishes: at a point of the surface, where no pivot may do so; the forms are as many as are independent there.
-        """
+        """Reduced echelon form; pivots are taken where they are simplest, in the column `last` only at last. vanishes:
+        at a point of the surface, where no pivot may do so; the forms are as many as are independent there."""
         left = [list(row) for row in rows]
 
         def weight(i: int, k: int) -> tuple[bool, bool, int, int, int]:

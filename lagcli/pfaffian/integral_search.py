@@ -40,10 +40,8 @@ def found_by(
     wanted: int | None = None,
     budget: int | None = None,
 ) -> list[SearchResult]:
-    """The verified and independent integrals found in the time.
-
-    `wanted`: how many there are, one for each row else; `budget`: of operations.
-    """
+    """The verified and independent integrals found in the time; wanted: how many there are, one for each row else;
+    budget: of operations."""
     search = IntegralSearch(block, ways, deadline, wanted)
     with contextlib.suppress(*time_limit.NO_ANSWER):
         time_limit.run(deadline, search.run, budget)
@@ -51,10 +49,8 @@ def found_by(
 
 
 class IntegralSearch:
-    """The search for the integrals of one system: its frame, and what was found so far, all of it verified.
-
-    `factors`: invariant surfaces found on the way; `used`: how many integrals were used to eliminate coordinates.
-    """
+    """The search for the integrals of one system: its frame, and what was found so far, all of it verified; `factors`:
+    invariant surfaces found on the way; `used`: how many integrals were used to eliminate coordinates."""
 
     def __init__(
         self, block: forms.PfaffianBlock, ways: Ways, deadline: float, wanted: int | None = None
@@ -66,10 +62,7 @@ class IntegralSearch:
         self.used = 0
 
     def run(self) -> None:
-        """Search until as many integrals are found as there are forms, or nothing is left to try.
-
-        Raises `time_limit.TimeUpError` and `NoAnswerError`.
-        """
+        """Search until all integrals are found or nothing is left to try. Raises `TimeUpError` and `NoAnswerError`."""
         block = self.block
         time = [x for x in block.variables if x.name == elimination.TIME]
         gradients = [tuple(forms.partial(f, x) for x in block.variables) for f in block.surface]

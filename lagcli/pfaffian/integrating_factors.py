@@ -176,10 +176,8 @@ class Pieces:
 
 
 def _pieces(form: forms.Form, below: Sequence[sympy.Expr]) -> Pieces:
-    """Candidates from the coefficients: their letters and irreducible factors, monomials of degree two.
-
-    `below` are denominators the form once had. Raises `normal_form.NoNormalFormError`.
-    """
+    """Candidates from the coefficients and the denominators they once had, `below`: letters and irreducible factors,
+    monomials of degree two. Raises `normal_form.NoNormalFormError`."""
     variables = set(form.variables)
     euler = sum((x * a for x, a in zip(form.variables, form.coefficients, strict=True)), sympy.Integer(0))
     basis = normal_form.NormalForm([*form.coefficients, *form.variables, *below])
@@ -245,11 +243,8 @@ def _product_factor(form: forms.Form, parts: Pieces) -> Hints:
 
 
 def _one_variable(form: forms.Form, parts: Pieces) -> Hints:
-    """mu = product of powers p_j^a_j times an unknown function of the variable m, with d(mu omega) = 0.
-
-    Linear, Bernoulli and separable equations have one. Its derivative h' follows from the component (m, k), and that it
-    does not depend on the other variables is linear in the a_j.
-    """
+    """mu = product of powers p_j^a_j times h(x_m), with d(mu omega) = 0, as of linear, Bernoulli and separable
+    equations: h' follows from the component (m, k), and that it depends on x_m alone is linear in the a_j."""
     a, x = form.coefficients, form.variables
     parts = Pieces(parts.factors, ())
     for m in range(len(x)):
@@ -298,7 +293,9 @@ def _function_of(rate: sympy.Expr, x: Sequence[sympy.Symbol], m: int) -> sympy.E
 
 def _one_combination(form: forms.Form, parts: Pieces) -> Hints:
     letter = sympy.Dummy("u", positive=True)
-    for x, y in combinations(form.variables, 2):
+    a, v, k = form.coefficients, form.variables, form.simplest
+    for x, y in combinations(v, 2):
+        i = next(n for n, z in enumerate(v) if z in (x, y) and n != k)
         choices: list[tuple[sympy.Expr, dict[sympy.Symbol, sympy.Expr]]] = [
             (x + y, {x: letter - y}),
             (x - y, {x: letter + y}),
@@ -307,9 +304,16 @@ def _one_combination(form: forms.Form, parts: Pieces) -> Hints:
             (x**2 + y**2, {y: sympy.Integer(0), x: sympy.sqrt(letter)}),
         ]
         for u, inverse in choices:
-            rate = _rate(form, u, (x, y))
-            if rate is None:
+            # mu'/mu = -(d omega)_ik/(du ^ omega)_ik, if that is a function of u alone
+            wedge = forms.partial(u, v[i]) * a[k] - forms.partial(u, v[k]) * a[i]
+            if _vanishes(wedge):
                 continue
+            rate = form.curl(k, i) / wedge
+            along = forms.partial(rate, x) * forms.partial(u, y), forms.partial(rate, y) * forms.partial(u, x)
+            foreign = (forms.partial(rate, other) for other in v if other not in (x, y))
+            if not all(map(_vanishes, (along[0] - along[1], *foreign))):
+                continue
+            rate = tidy_integral.ratio(rate, sympy.Integer(1))
             rate = tidy_integral.shortest(guarded.subs(rate, inverse, simultaneous=True))
             if rate.free_symbols & set(form.variables):
                 continue
@@ -317,20 +321,6 @@ def _one_combination(form: forms.Form, parts: Pieces) -> Hints:
             if growth is not None:
                 mu = guarded.powsimp(sympy.exp(guarded.expand_log(growth, force=True)))
                 yield Hint(guarded.subs(mu, letter, u))
-
-
-def _rate(form: forms.Form, u: sympy.Expr, pair: tuple[sympy.Symbol, sympy.Symbol]) -> sympy.Expr | None:
-    """mu'/mu = -(d omega)_ik/(du ^ omega)_ik if that is a function of u alone."""
-    a, v, k = form.coefficients, form.variables, form.simplest
-    i = next(n for n, x in enumerate(v) if x in pair and n != k)
-    wedge = forms.partial(u, v[i]) * a[k] - forms.partial(u, v[k]) * a[i]
-    if _vanishes(wedge):
-        return None
-    rate = form.curl(k, i) / wedge
-    x, y = pair
-    jacobian = forms.partial(rate, x) * forms.partial(u, y) - forms.partial(rate, y) * forms.partial(u, x)
-    foreign = (forms.partial(rate, other) for other in v if other not in pair)
-    return tidy_integral.ratio(rate, sympy.Integer(1)) if all(map(_vanishes, (jacobian, *foreign))) else None
 
 
 def _inverse_polynomial(form: forms.Form, parts: Pieces) -> Hints:

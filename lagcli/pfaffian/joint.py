@@ -1,8 +1,5 @@
-"""Coupled forms together: their derived flag and the first integrals of its end I^(oo) (D.3, jointly).
-
-Holonomic rows that give a coordinate as a function of others are solved for it first; then the flag is found on
-the coordinates that remain. What is found for one form or block holds for all that differ in names alone (`Memo`).
-"""
+"""Coupled forms together: their derived flag and the first integrals of its end I^(oo) (D.3, jointly), on the
+coordinates that holonomic rows leave. What is found holds for all that differ in names alone (`Memo`)."""
 
 from __future__ import annotations
 
@@ -91,7 +88,7 @@ def solution(found: Flagged, verdicts: Sequence[FormVerdict | None], deadline: f
         end = PfaffianBlock(names, block.variables, found.flag.integrable, block.parameters, block.surface)
         more = first_integrals.search(end, deadline, budget=SEARCH)
         accepted += [one.integral for one in more if basis.takes(one.integral)]
-    solved = tuple(JointIntegral(phi, basis.rows_of(phi.xreplace(found.values))) for phi in accepted)
+    solved = basis.solved(accepted, found.values)
     unsolved = []
     for row in (row for row in found.flag.integrable if not basis.holds(row)):
         terms = (a * differential(x) for a, x in zip(row, block.variables, strict=True))
@@ -110,9 +107,7 @@ def without_flag(
     if len(accepted) < wanted:
         found = first_integrals.search(left, deadline, wanted, SEARCH)
         accepted += [one.integral for one in found if basis.takes(one.integral)]
-    return Solution(
-        tuple(JointIntegral(phi, basis.rows_of(phi.xreplace(gone))) for phi in accepted[:wanted]), ()
-    )
+    return Solution(basis.solved(accepted[:wanted], gone), ())
 
 
 def differential(x: sympy.Symbol) -> sympy.Symbol:
@@ -147,14 +142,20 @@ class _Independent:
         """True if a form is a combination of what was taken."""
         return self._spans(self._values(row))
 
-    def rows_of(self, phi: sympy.Expr) -> tuple[str, ...]:
-        """The rows of the block whose combination d phi is."""
-        taking: set[int] = set()
-        for rows, gradient in _together([*self._surface, *self._rows], self._gradient(phi)):
-            weights = decompositions.least_squares(rows.T, gradient)
-            own = np.abs(weights[len(self._surface) :]) > doubles.ZERO
-            taking |= set(np.flatnonzero(own).tolist())
-        return tuple(name for i, name in enumerate(self._block.names) if i in taking)
+    def solved(self, integrals: Sequence[sympy.Expr], values: Values) -> tuple[JointIntegral, ...]:
+        """Integrals with the rows of the block whose combination d phi is, where `values` are put in."""
+        found = []
+        for phi in integrals:
+            taking: set[int] = set()
+            for rows, gradient in _together(
+                [*self._surface, *self._rows], self._gradient(phi.xreplace(values))
+            ):
+                weights = decompositions.least_squares(rows.T, gradient)
+                own = np.abs(weights[len(self._surface) :]) > doubles.ZERO
+                taking |= set(np.flatnonzero(own).tolist())
+            names = tuple(name for i, name in enumerate(self._block.names) if i in taking)
+            found.append(JointIntegral(phi, names))
+        return tuple(found)
 
     def _spans(self, values: list[Floats | None]) -> bool:
         """True if a gradient is a combination of the df and of what was taken at every point where all have values."""
@@ -193,10 +194,7 @@ def _together(
 
 
 class Memo:
-    """Judges forms and blocks, each kind of them once: those that differ in names alone are renamed.
-
-    The members of a family of laws are such.
-    """
+    """Judges forms and blocks, those once that differ in names alone, as the members of a family of laws do."""
 
     def __init__(self) -> None:
         self._placeholders: list[sympy.Symbol] = []
@@ -209,7 +207,6 @@ class Memo:
         return dict(zip(variables, self._placeholders, strict=False))
 
     def classify(self, form: Form, deadline: float) -> FormVerdict:
-        """Classify as `frobenius.classify` does."""
         numbered = self._numbered(form.variables)
         pattern = tuple(a.xreplace(numbered) for a in form.coefficients), form.parameters
         known, verdict = self._forms.answer(pattern, lambda: (form, frobenius.classify(form, deadline)))
@@ -228,7 +225,6 @@ class Memo:
         return replace(moved, method=written.sub(lambda m: names[m[0]], verdict.method))
 
     def flagged(self, block: PfaffianBlock, time: sympy.Symbol, values: Values, deadline: float) -> Flagged:
-        """Find the flag as `flagged` does."""
         return self._of_block("flag", block, lambda: flagged(block, time, values, deadline))
 
     def solution(
@@ -238,7 +234,6 @@ class Memo:
         verdicts: Sequence[FormVerdict | None],
         deadline: float,
     ) -> Solution:
-        """Solve as `solution` does, with the `found` flag of the block."""
         return self._of_block("solution", block, lambda: solution(found, verdicts, deadline))
 
     def _of_block(self, kind: str, block: PfaffianBlock, find: Callable[[], T]) -> T:

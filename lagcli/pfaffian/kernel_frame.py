@@ -19,11 +19,8 @@ from lagcli.pfaffian.forms import form as forms
 
 @dataclass(frozen=True, slots=True)
 class KernelFrame:
-    """C independent forms in n variables, solved for the differentials of C of them.
-
-    pivots (C,), free (n - C,): indices of variables; solved (C, n - C); parameters: constants. is_sure: no division
-    was by a function that vanishes without being known to.
-    """
+    """C independent forms in n variables, solved for the differentials of C of them: pivots (C,), free (n - C,):
+    indices of variables; solved (C, n - C). is_sure: no divisor vanishes without being known to."""
 
     variables: tuple[sympy.Symbol, ...]
     parameters: tuple[sympy.Symbol, ...]
@@ -49,15 +46,6 @@ class KernelFrame:
             entries[j] = -value
         return tuple(entries)
 
-    def divergences(self) -> tuple[sympy.Expr, ...]:
-        """sum_a d solved[a][j]/dx_p for every free variable; shape (n - C,)."""
-        found = []
-        for j in range(len(self.free)):
-            pairs = zip(self.pivots, self.solved, strict=True)
-            terms = (forms.partial(row[j], self.variables[p]) for p, row in pairs)
-            found.append(sum(terms, sympy.Integer(0)))
-        return tuple(found)
-
 
 def of(
     rows: Sequence[Sequence[sympy.Expr]],
@@ -65,10 +53,8 @@ def of(
     parameters: tuple[sympy.Symbol, ...],
     last: Sequence[sympy.Symbol] = (),
 ) -> KernelFrame:
-    """The frame of the rows (C, n). Rows that depend on the others are left out.
-
-    The variables `last` become pivots only where no other can. Raises what the normal form raises (`NoAnswerError`).
-    """
+    """The frame of the rows (C, n) that do not depend on the others; variables `last` become pivots only where no other
+    can. Raises `NoAnswerError`."""
 
     def size(element: FracElement) -> int:
         return len(element.numer.terms()) + len(element.denom.terms()) + sum(map(sum, element.numer.monoms()))

@@ -33,10 +33,7 @@ _REGULAR = tuple(kind for kind, row in notation.ROWS.items() if row.is_entire)
 
 
 def charts(phi: sympy.Expr, constants: Iterable[sympy.Symbol] = ()) -> tuple[invariant.LevelFunction, ...]:
-    """Charts of an integral, the best first; none where no form without jumps is known.
-
-    constants: the parameters; all other symbols are coordinates and time.
-    """
+    """Charts of an integral, the best first; none where no form without jumps is known. constants: the parameters."""
     variables = tuple(sorted(phi.free_symbols - set(constants), key=sympy.default_sort_key))
 
     def found() -> tuple[invariant.LevelFunction, ...]:

@@ -31,10 +31,8 @@ _RationalWay = tuple[sympy.Expr, sympy.Symbol, sympy.Expr]
 
 
 def of(form: forms.Form) -> sympy.Expr | None:
-    """phi with d phi = omega for a form with d omega = 0, or None where no closed form was found.
-
-    The result is a proposal: the caller verifies it. May run long: call it under `time_limit.run`.
-    """
+    """phi with d phi = omega for a form with d omega = 0, or None where no closed form was found. It is a proposal,
+    which the caller verifies, and may run long: call it under `time_limit.run`."""
     pairs = list(zip(form.variables, form.coefficients, strict=True))
     # What is easily integrated comes first: it leaves less for the others.
     pairs.sort(key=lambda pair: not pair[1].is_polynomial(pair[0]))
@@ -63,10 +61,8 @@ def of(form: forms.Form) -> sympy.Expr | None:
 
 
 def antiderivative(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
-    """An antiderivative in functions of the model format for generic parameters, or None.
-
-    All symbols count as positive, which leads to real logarithms and arctangents; the caller verifies the result.
-    """
+    """An antiderivative in functions of the model format for generic parameters, or None. All symbols count as
+    positive, which leads to real logarithms and arctangents; the caller verifies the result."""
     if expression.has(sympy.Abs):
         return _with_moduli(expression, x)
     positive = {s: sympy.Dummy(s.name, positive=True) for s in sorted(expression.free_symbols, key=str)}

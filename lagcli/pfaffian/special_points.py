@@ -165,48 +165,37 @@ def kept(
 ) -> tuple[sympy.Expr, ...]:
     """All equations that follow for the motions from a start on a place, or none where they leave it.
 
-    equations: of the place, the last of which is in question, while the others hold on the motions; rank: that of all
-    rows of the block, its surface among them, where the others hold, None if it is not known; vanishes: whether an
-    expression does at the start. Raises `NotDecidedError` where the rows that are independent at the start are fewer
-    and do not keep to the place by themselves, and where algebra comes to no end.
+    equations: of the place, the last one in question; rank: of all rows where the others hold, None if it is not known;
+    vanishes: whether an expression does at the start. Raises `NotDecidedError` where rows that are independent at the
+    start are fewer and do not keep to the place, and where algebra comes to no end.
     """
     all_of_them, new = [*equations], [equations[-1]]
     for _ in range(GENERATIONS):
         try:
-            slopes, independent = _slopes(block, all_of_them, new, vanishes, deadline)
+            # The X(e) that do not vanish where all equations hold, X being the fields of the rows that are independent
+            # at the start
+            there = dataclasses.replace(block, surface=(*block.surface, *all_of_them))
+            field = FunctionField(there, deadline, {})
+            rows = field.rows([*field.gradients[: len(block.surface)], *block.rows])
+            solved = field.solved(rows, vanishes=vanishes)
+            gradients = field.rows([forms.partial(e, x) for x in block.variables] for e in new)
+            frame = field.frame(solved, len(block.variables))
+            found = [field.sum(zip(X, gradient, strict=True)) for X in frame for gradient in gradients]
+            if any(vanishes(field.expression(a.denom)) for a in found):
+                raise NotDecidedError("a place has no differential at the start")
+            slopes = [field.expression(a.numer) for a in found if a]
         except guarded.NoAnswerError as error:
             raise NotDecidedError(str(error)) from error
         if not slopes:
             return tuple(all_of_them)
-        if independent != rank:
+        if solved.count != rank:
             raise NotDecidedError("the rows have another rank at the start than beside it")
         if not all(map(vanishes, slopes)):
             return ()
         # The factors that vanish at the start, each once, say all that an expression does around it.
-        new = [product(part for part in factors(e) if vanishes(part)) for e in distinct(slopes)]
+        new = [product(filter(vanishes, factors(e))) for e in distinct(slopes)]
         all_of_them += new
     raise NotDecidedError("the places on which motions from the start stay have no end that algebra sees")
-
-
-def _slopes(
-    block: PfaffianBlock,
-    equations: Sequence[sympy.Expr],
-    new: Sequence[sympy.Expr],
-    vanishes: Callable[[sympy.Expr], bool],
-    deadline: float,
-) -> tuple[list[sympy.Expr], int]:
-    """The X(e) of the new ones among equations, without those that vanish where all equations hold, X being the fields
-    of the rows that are independent at the start; and how many these are."""
-    there = dataclasses.replace(block, surface=(*block.surface, *equations))
-    field = FunctionField(there, deadline, {})
-    rows = field.rows([*field.gradients[: len(block.surface)], *block.rows])
-    solved = field.solved(rows, vanishes=vanishes)
-    gradients = field.rows([forms.partial(e, x) for x in block.variables] for e in new)
-    frame = field.frame(solved, len(block.variables))
-    found = [field.sum(zip(X, gradient, strict=True)) for X in frame for gradient in gradients]
-    if any(vanishes(field.expression(a.denom)) for a in found):
-        raise NotDecidedError("a place has no differential at the start")
-    return [field.expression(a.numer) for a in found if a], solved.count
 
 
 def vanishing(block: PfaffianBlock, equations: Sequence[sympy.Expr]) -> frozenset[str]:

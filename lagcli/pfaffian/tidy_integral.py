@@ -120,10 +120,8 @@ def _collected(expression: sympy.Expr) -> sympy.Expr:
 def potential(
     phi: sympy.Expr, variables: tuple[sympy.Symbol, ...], given: frozenset[sympy.Expr] = frozenset()
 ) -> sympy.Expr:
-    """The potential of an exact form: only an additive constant is free.
-
-    log u becomes log |u|, which goes on where u < 0, unless it is one of the functions `given` in the form.
-    """
+    """The potential of an exact form: only an additive constant is free. log u becomes log |u|, which goes on where u <
+    0, unless it is one of the functions `given` in the form."""
     phi = _without_constant(phi, variables)
     if phi.is_polynomial(*variables):
         ways = (guarded.expand(phi), guarded.factor(phi))
@@ -310,10 +308,8 @@ def _primitive(phi: sympy.Expr) -> sympy.Expr:
 
 
 def _with_atan2(phi: sympy.Expr, variables: tuple[sympy.Symbol, ...]) -> sympy.Expr:
-    """atan(y/x) jumps where x = 0; atan2(y, x) has the same differential and goes on.
-
-    The later coordinate stands above: atan(x/y) is a constant less atan(y/x).
-    """
+    """atan(y/x) jumps where x = 0; atan2(y, x) has the same differential and goes on. The later coordinate stands
+    above: atan(x/y) is a constant less atan(y/x)."""
 
     def rank(e: sympy.Expr) -> int:
         return max((n for n, x in enumerate(variables) if x in e.free_symbols), default=-1)

@@ -1,7 +1,4 @@
-"""Differential constraints of a model -> Pfaffian forms in SymPy symbols; parameters stay symbols.
-
-The symbols carry the names of the model format (`x`, `a.x`), so that what is found reads as the user writes.
-"""
+"""Differential constraints of a model as Pfaffian forms in SymPy symbols with the names of the model (`x`, `a.x`)."""
 
 from __future__ import annotations
 
@@ -66,10 +63,8 @@ class Translation:
         return Form(row, variables, tuple(coefficients.get(x, ZERO) for x in variables), parameters)
 
     def surface(self, rows: frozenset[str]) -> dict[str, sympy.Expr | TooLarge]:
-        """f of the holonomic rows of these names, by row name; `TooLarge` in place of one that is not attempted.
-
-        Rows of rigid bodies have no text: they are missing.
-        """
+        """f of the holonomic rows of these names that have a text, by row name; `TooLarge` in place of one not
+        attempted."""
         laws = [law for law in self._model.holonomic if not rows.isdisjoint(law.rows)]
         return {
             row: _attempted(functools.partial(_given, value))
@@ -98,7 +93,6 @@ class Translation:
 
     @functools.cached_property
     def numbers(self) -> dict[sympy.Symbol, float]:
-        """The parameters and their values as doubles."""
         return {p: float(value) for p, value in self.values.items()}
 
     @functools.cached_property
@@ -228,11 +222,9 @@ class _FormNames(notation.SympyAlgebra):
         return super().power(node, base, exponent)
 
     def constant(self, name: str) -> Value[sympy.Expr] | None:
-        """t, dt, a constant or a parameter; None for another name."""
         return self._constants.get(name)
 
     def position(self, numbers: Integers) -> Triple[sympy.Expr]:
-        """r of a particle."""
         number = int(numbers[0])
 
         def value() -> Triple[sympy.Expr]:
@@ -255,7 +247,6 @@ class _FormNames(notation.SympyAlgebra):
         return _given(self._positions[number])
 
     def velocity(self, numbers: Integers) -> Triple[sympy.Expr]:
-        """v of a particle."""
         x, y, z = (self._along(r) + sympy.diff(r, TIME) for r in self.position(numbers))
         return x, y, z
 
@@ -265,7 +256,6 @@ class _FormNames(notation.SympyAlgebra):
         return self.differentials[coordinate] if rates else coordinate
 
     def definition(self, name: str) -> Value[sympy.Expr]:
-        """The value of a definition. Raises `TooLarge`."""
 
         def value() -> Value[sympy.Expr]:
             notation.require_short(self._names.definitions[name])

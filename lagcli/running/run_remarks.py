@@ -161,12 +161,12 @@ def explained(
 ) -> Stop:
     """The stop with the inertia that the run has lost since its start, or with the hidden conditions that the forces
     do not keep. ends: the start and the report of the time reached."""
-    from lagcli.start import singular_inertia  # here, as most runs go to their end
+    from lagcli.start import initial  # here, as most runs go to their end
 
     start, report = ends
     now = numeric.inertia(report.t, report.q, report.v, start.p)
     first = numeric.inertia(start.t, start.q, start.v, start.p)
-    if fallen := singular_inertia.fallen(now, first, system.model.coordinate_names):
+    if fallen := initial.fallen(now, first, system.model.coordinate_names):
         stop = dataclasses.replace(stop, reason=f"{stop.reason}; {fallen}")
     if not conditions:
         return stop

@@ -39,11 +39,8 @@ _OPERANDS = {
 
 @frozen
 class Jumping:
-    """A function that may jump where its `argument`, an SX (1, 1), changes its sign.
-
-    watched: the same for a run, which passes the points where the sign does no harm; shape: a number, the same where
-    arguments differ in their numbers and variables only, as those of siblings.
-    """
+    """A function that may jump where its `argument`, an SX (1, 1), changes its sign; watched: the same for a run, which
+    passes where that does no harm; shape: the same where arguments differ in numbers and variables only."""
 
     word: str
     argument: ca.SX
@@ -123,10 +120,8 @@ def starts(state: StateValues, p: Floats) -> Starts:
 
 
 class Local:
-    """A column of t, q, v and p as a function of those coordinates and rates that stand in it; moving: which these are.
-
-    with_slopes: the column is a scalar, and its gradient by these coordinates follows.
-    """
+    """A column of t, q, v and p as a function of those coordinates, `moving`, and rates that stand in it; with_slopes:
+    it is a scalar, and its gradient by these coordinates follows."""
 
     def __init__(self, value: ca.SX, inputs: list[ca.SX], with_slopes: bool = False) -> None:
         t, q, v, p = inputs
@@ -148,10 +143,8 @@ def spread(count: int) -> Integers:
 def word(
     value: ca.SX, inputs: list[ca.SX], near: tuple[StateValues, Floats], without: Collection[str] = ()
 ) -> str | None:
-    """The function by which a value (1, 1) is found to jump across a switch near a state with its p, or None.
-
-    SWITCHES of each word stand for all of a sum, some of every shape: what this costs does not grow with their number.
-    """
+    """The function by which a value (1, 1) is found to jump across a switch near a state with its p, or None. SWITCHES
+    of each word, some of every shape, stand for all of a sum."""
     found = [each for each in switches(value, inputs) if each.word not in without]
     if not found:
         return None

@@ -35,10 +35,8 @@ def names() -> dict[int, str]:
 
 
 class Instruction(NamedTuple):
-    """An operation of a function, the indices of its operands and of its result, and the constant that it is.
-
-    The operand of an input is (input, entry), the result of an output (output, entry).
-    """
+    """An operation of a function, the indices of its operands and of its result, and the constant that it is. The
+    operand of an input is (input, entry), the result of an output (output, entry)."""
 
     op: int
     operands: Sequence[int]

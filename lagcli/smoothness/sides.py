@@ -1,8 +1,5 @@
-"""The two sides of a point: what has another value there however near that is, what ends, and what grows without bound.
-
-There is one test of that and one set of limits. How far off the sides are looked at depends on how well the point is
-known, which they know who ask.
-"""
+"""The two sides of a point: what jumps, what ends, and what grows without bound, by one test and one set of limits. How
+far off they are looked at depends on how well the point is known, which they know who ask."""
 
 from __future__ import annotations
 
@@ -44,10 +41,8 @@ def differ(near: Floats, far: Floats, least: Floats) -> Flags:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Sides:
-    """Values (k,) at four points on a way through one: far before, near before, near after and far after.
-
-    part: of themselves by which they must differ; rounding: a difference below this, (k,) or of all, is none.
-    """
+    """Values (k,) at four points on a way through one: far before, near before, near after and far after. part: of
+    themselves by which they must differ; rounding: a difference below this, (k,) or of all, is none."""
 
     values: tuple[Floats, ...]
     rounding: Floats | float = 0.0

@@ -1,8 +1,5 @@
-"""CasADi functions that refuse arguments of another size.
-
-CasADi itself spreads a scalar over a vector, takes an empty argument for zeros and turns a row to a column: parameters
-of another system (with or without the constants of enforced integrals) would give wrong numbers without an error.
-"""
+"""CasADi functions that refuse arguments of another size. CasADi itself spreads a scalar over a vector and takes an
+empty argument for zeros: parameters of another system would give wrong numbers without an error."""
 
 from __future__ import annotations
 
@@ -13,10 +10,8 @@ import casadi as ca
 
 
 class SizedFunction(ca.Function):
-    """A function of columns: each argument has as many rows as its symbol; more columns are more points.
-
-    Raises AssertionError with the name of the function and the index of an argument of another size.
-    """
+    """A function of columns: each argument has as many rows as its symbol, or it raises AssertionError with the name of
+    the function and the index of the argument; more columns are more points."""
 
     @cached_property
     def _taken(self) -> tuple[int, ...]:

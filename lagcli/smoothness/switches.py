@@ -1,8 +1,7 @@
 """One pass over the operations of an expression: those that are not smooth everywhere, and what switches each.
 
 Where its argument vanishes an operation jumps, has a kink, a root without a derivative, the end of a range or a pole.
-There ends a piece of space on which rows are analytic: what holds at one point of a piece at generic ones holds at
-nearly all. Pieces also end where `asin` or `acos` comes to the end of its range (asin(sin(x)) turns back there).
+There ends a piece of space on which rows are analytic: what holds at one generic point of a piece holds at nearly all.
 """
 
 from __future__ import annotations
@@ -32,9 +31,7 @@ QUOTIENT = "a quotient"
 
 class Kind(NamedTuple):
     """A kind of operation: its word in the language, and what vanishes where it is not analytic, by its operands.
-
-    is_comparing: it compares that with zero, and goes on smoothly on either side.
-    """
+    is_comparing: it compares that with zero, and goes on smoothly on either side."""
 
     word: str
     argument: Callable[..., ca.SX | None]
@@ -86,7 +83,6 @@ class Switch(NamedTuple):
 
     @property
     def kind(self) -> Kind:
-        """The row of its operation in `KINDS`."""
         return KINDS[self.op]
 
     @property

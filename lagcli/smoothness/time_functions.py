@@ -1,8 +1,8 @@
 """The functions of t alone in a model: where it switches, and what may rise and fall within a step.
 
-An explicit scheme sees forces at its stages only. A step that grew while nothing moved may lead over a pulse, and its
-error estimate is zero. What depends on t and parameters alone is known before the run, whatever the motion: the
-arguments of functions with a kink, and bounded functions, whose rises and falls steps must not be longer than.
+An explicit scheme sees forces at its stages only: a step that grew while nothing moved may lead over a pulse. What
+depends on t and parameters alone is known before the run: the arguments of functions with a kink, and bounded
+functions, whose rises and falls steps must not be longer than.
 """
 
 from __future__ import annotations
@@ -61,9 +61,9 @@ class TimeFunctions:
     """Operations on t, which has the index 0, each on those before it.
 
     size: values of all operations, of a family one for each member; switches: indices of values that are zero where a
-    function jumps or has a kink; oscillations: indices of bounded values that are no sums or products of others;
-    is_mixed: whether t also stands in a function together with coordinates, or some of its functions are too many to
-    look at; cached: what was found out about them, for another run with the same.
+    function jumps or has a kink; oscillations: of bounded values that are no sums or products of others; is_mixed:
+    whether t also stands in a function together with coordinates, or some functions are too many; cached: what was
+    found out about them.
     """
 
     operations: tuple[Operation, ...]
@@ -189,7 +189,6 @@ class _Record:
         self.is_mixed = False
 
     def combine(self, name: str, *parts: _Value) -> _Value:
-        """An operation on values."""
         self._steps += 1
         if self._steps > self._most:
             self.is_mixed = True
@@ -249,7 +248,6 @@ class _Record:
             self._switches[value.index] = None
 
     def functions(self) -> TimeFunctions:
-        """All of it."""
         member_numbers = tuple(self._switches), tuple(self._oscillations)
         return TimeFunctions(tuple(self._operations), self._size, *member_numbers, self.is_mixed)
 
@@ -274,7 +272,6 @@ class _Leaves:
             self._known[parameter.name] = _three(numbers) if isinstance(value, tuple) else numbers[0]
 
     def on_a_particle(self) -> _Leaves:
-        """The values in the force of a particle."""
         same = copy.copy(self)
         same._own, same._particles = frozenset(("r", "v")), self._particles - {"m"}
         same._known = {name: value for name, value in self._known.items() if name not in ("m", "r", "v")}

@@ -3,9 +3,8 @@
 In: `numeric.NumericSystem` and the values of the model
 Out: a consistent state
 
-`consistent_start` is the way in, and keeps what was found: `initial` checks the declared start (`singular_inertia` says
-why it has no accelerations, `gaps` on which side of one-sided constraints it lies), `assembly` moves it to the nearest
-consistent state by `projection` (steps onto the constraints) and `configuration_search` (from several starts),
-`conflict` names rows that cannot hold together, `projection` also finds other points of the constraint surface,
-`lipschitz` warns where a motion need not be unique.
+`consistent_start` is the way in: `initial` checks the declared start, `gaps` on which side of one-sided constraints it
+lies, `assembly` moves it to the nearest consistent state by `projection` (steps onto the constraints, and along them)
+and `configuration_search` (from several starts), `conflict` names rows that cannot hold together, `precise_rows` looks
+at rows in many digits, `lipschitz` warns where a motion need not be unique.
 """

@@ -119,10 +119,8 @@ def _assembled(
 
 
 def begin(system: System, numeric: NumericSystem) -> State:
-    """The consistent state nearest to the declared one.
-
-    Raises `diagnostics.ModelError` where there is none, and where the inertia has no finite value there.
-    """
+    """The consistent state nearest to the declared one. Raises `diagnostics.ModelError` where there is none, and where
+    the inertia has no finite value there."""
     state = assemble(system, numeric, initial.declared(system), ()).state
     if not projection.is_finite(numeric, state):
         initial.inertia(system, numeric, state)  # says of which coordinate
@@ -234,10 +232,8 @@ def _is_clearly_nearest(search: Search, q: Floats) -> bool:
 
 
 def _curvature(search: Search, q: Floats) -> float:
-    """The smallest eigenvalue, in the metric, of the second derivative of the squared distance along the surface.
-
-    It is 1 on a plane, above 0 at a minimum, and below PARAMETERS.curved beyond half the radius of curvature.
-    """
+    """The smallest eigenvalue, in the metric, of the second derivative of the squared distance along the surface: 1 on
+    a plane, above 0 at a minimum, and below PARAMETERS.curved beyond half the radius of curvature."""
     H, B, *_ = _conditions(search, q)
     free = np.flatnonzero(~search.fixed)
     kernel = rank.null_basis(MetricRows(B, search.metric).dense)
@@ -269,17 +265,14 @@ class _NearestConditions:
 
     @cached_property
     def distance(self) -> float:
-        """The part of the way to q that lies along the surface."""
         search = self.search
         return tangential(search.surface().rows(self.q)[1], search.metric, self.q - search.state.q)
 
     @property
     def is_there(self) -> bool:
-        """True if that is rounding."""
         return self.distance <= doubles.VALUE
 
     def step(self) -> Floats | None:
-        """Newton's step and the way back onto the surface."""
         from lagcli.compiled import nearest
 
         H, B, gradient, f = _conditions(self.search, self.q)

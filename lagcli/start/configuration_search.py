@@ -1,7 +1,5 @@
-"""Configurations from far: from several starts, by damped Gauss-Newton steps and by IPOPT, of all rows or of some.
-
-A search without success proves nothing; it says what was tried and the least that remained.
-"""
+"""Configurations from far: from several starts, by damped Gauss-Newton steps and by IPOPT, of all rows or of some. A
+search without success proves nothing; it says what was tried and the least that remained."""
 
 from __future__ import annotations
 
@@ -69,22 +67,18 @@ class ConfigurationResult:
 
     @property
     def is_on(self) -> bool:
-        """True if the rows hold there."""
         return self.best.is_on
 
     @property
     def attempts_text(self) -> str:
-        """The attempts, in words."""
         starts = "1 start" if self.starts == 1 else f"{self.starts} starts"
         more = f", and IPOPT from {self.by_optimization}" if self.by_optimization else ""
         return f"damped Gauss-Newton steps from {starts}{more}"
 
 
 class Search:
-    """Searches at the time and the parameters of a state, in the mass metric of its configuration.
-
-    fixed (n,): coordinates that keep their values.
-    """
+    """Searches at the time and the parameters of a state, in the mass metric of its configuration; fixed (n,):
+    coordinates that keep their values."""
 
     def __init__(self, system: System, numeric: NumericSystem, state: State, fixed: Flags) -> None:
         self.system, self.numeric, self.state, self.fixed = system, numeric, state, fixed

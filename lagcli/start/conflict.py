@@ -1,7 +1,5 @@
 """Rows that do not hold together: in velocities (a combination of them says dt = 0, D.6), in positions, and later.
-
-The rows that are named are the smallest set that was found: none of them can be left out.
-"""
+Named is the smallest set that was found: none of them can be left out."""
 
 from __future__ import annotations
 
@@ -26,10 +24,8 @@ Floats = npt.NDArray[np.float64]
 
 
 def least(rows: LocalRows, b: Floats) -> list[int]:
-    """Rows of B v + b = 0 without a solution, of which none can be left out; empty where there is a solution.
-
-    Where more rows take part than are looked at densely all of them are given.
-    """
+    """Rows of B v + b = 0 without a solution, of which none can be left out; empty where there is a solution. Where
+    more rows take part than are looked at densely all of them are given."""
     lengths = rows.divisors
     scaled = rest = b / lengths
     scale = float(np.abs(scaled).max(initial=0.0)) or 1.0

@@ -1,8 +1,7 @@
 """The one-sided constraints at a start: open, closed, or violated, which is refused with the depth or corrected.
 
-The nearest configuration on the allowed side of all of them, f = 0 and g >= 0, is found by an active set: constraints
-on whose forbidden side a configuration is are enforced at g = 0 like equations, and released again where they would
-hold it back: at the nearest point M (q - q0) = B^T mu + G^T nu with nu >= 0.
+The nearest configuration with f = 0 and g >= 0 is found by an active set: violated constraints are enforced at g = 0,
+and released where they would hold it back: at the nearest point M (q - q0) = B^T mu + G^T nu with nu >= 0.
 """
 
 from __future__ import annotations
@@ -30,10 +29,8 @@ Side = Literal["open", "closed", "violated"]
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Gaps:
-    """g / |G| of the one-sided constraints (K,), which hold where it is not negative, and what counts as zero, `limit`.
-
-    norms (K,): |G|, or 1 where the gradient vanishes or has no value, which is `flat` (K,).
-    """
+    """g / |G| of the one-sided constraints (K,), which hold where it is not negative, and what counts as zero, `limit`;
+    norms (K,): |G|, or 1 where the gradient vanishes or has no value, which is `flat` (K,)."""
 
     g: Floats
     limit: Floats
@@ -107,7 +104,6 @@ class BoundarySurface(projection.Surface):
         self._gradients = pattern.sub(active, list(range(pattern.size2())))[0]
 
     def values(self, q: Floats) -> tuple[Floats, Floats]:
-        """f (s,) and g of the constraints, and the entries of their gradients."""
         f, entries = super().values(q)
         state = self._search.state
         g, G = self._search.numeric.contacts(state.t, q, state.v, state.p)[:2]
@@ -115,7 +111,6 @@ class BoundarySurface(projection.Surface):
         return np.concatenate([f, np.array(g).ravel()[self._active]]), np.concatenate([entries, own])
 
     def matrix(self, entries: Floats) -> Sparse:
-        """The gradients of f and of g of the constraints, sparse."""
         equalities, own = np.split(entries, [entries.size - self._gradients.nnz()])
         return metric_rows.stacked(
             super().matrix(equalities), bound_function.sparse_matrix(self._gradients, own)
@@ -123,17 +118,25 @@ class BoundarySurface(projection.Surface):
 
 
 def nearest(search: Search, q: Floats) -> Floats:
-    """The allowed configuration (n,) nearest to that of the search, from q, the nearest on f = 0.
-
-    Raises `diagnostics.ModelError` where none is found.
-    """
+    """The allowed configuration (n,) nearest to that of the search, from q, the nearest on f = 0. Raises
+    `diagnostics.ModelError` where none is found."""
     active: list[int] = []
     # An active set may return to one that it was: after thirty changes no nearest configuration is found.
     for _ in range(30):
         found = at_state(search.system, search.numeric, dataclasses.replace(search.state, q=q))
         new = [j for j in found.violated if j not in active]
         worst = [min(new, key=lambda j: float(found.g[j]))] if new else []
-        pulling = _to_release(search, active, q) if active and not new else None
+        # The active constraint that holds the configuration back the most, or None where all push
+        pulling = None
+        if active and not new:
+            B = BoundarySurface(search, active).rows(q)[1]
+            lines = MetricRows(B, search.metric)
+            independent = list(independent_rows.dependence(lines, rank.estimate(lines).low).independent)
+            enforced, pushes = MetricRows(B[independent, :], search.metric), np.zeros(B.shape[0])
+            pushes[independent] = enforced.weights(LocalRows(B[independent, :]).times(q - search.state.q))
+            own = pushes[B.shape[0] - len(active) :]
+            if own.min() < -doubles.ZERO * float(np.abs(pushes).max()):
+                pulling = active[int(np.argmin(own))]
         if not new and pulling is None:
             return q
         # Where not all that are violated can be enforced together, one after another.
@@ -179,16 +182,3 @@ def _begins(search: Search, surface: BoundarySurface, q: Floats) -> Iterator[Flo
     touched &= ~search.fixed
     for part in configuration_search.PARAMETERS.offsets:
         yield q + np.where(touched, part * search.size(q0, touched), 0.0) * random.standard_normal(q.size)
-
-
-def _to_release(search: Search, active: list[int], q: Floats) -> int | None:
-    """The active constraint that holds a configuration back the most, or None where all push."""
-    B = BoundarySurface(search, active).rows(q)[1]
-    lines = MetricRows(B, search.metric)
-    chosen = list(independent_rows.dependence(lines, rank.estimate(lines).low).independent)
-    enforced = MetricRows(B[chosen, :], search.metric)
-    pushes = np.zeros(B.shape[0])
-    pushes[chosen] = enforced.weights(LocalRows(B[chosen, :]).times(q - search.state.q))
-    own = pushes[B.shape[0] - len(active) :]
-    worst = int(np.argmin(own))
-    return active[worst] if own[worst] < -doubles.ZERO * float(np.abs(pushes).max()) else None

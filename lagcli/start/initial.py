@@ -16,7 +16,7 @@ from lagcli.errors import diagnostics
 from lagcli.frozen import frozen
 from lagcli.linear import decompositions
 from lagcli.linear.metric import Metric, NotDefiniteError
-from lagcli.linear.metric_rows import LocalRows, stacked
+from lagcli.linear.metric_rows import LocalRows, Sparse, stacked
 from lagcli.model import model as nouns
 
 Floats = npt.NDArray[np.float64]
@@ -36,9 +36,15 @@ class StartParameters:
     later: float = 1e-2
     """How far points move on in time, as a part of the duration: before other laws come to their ends
     (`test_points_move_on_by_a_hundredth_of_the_duration`)."""
+    fallen: float = 1e-3
+    """An inertia has fallen below this part of that at the start (`test_an_inertia_has_fallen_below_a_thousandth`)."""
 
 
 PARAMETERS = StartParameters()
+MOST_NAMED = 4  # coordinates of a motion, so that a sentence stays one
+SINGULAR_HINT = (
+    "start away from a singular configuration (the centre of polar, the pole of spherical coordinates)"
+)
 
 
 def later(system: System) -> float:
@@ -60,10 +66,8 @@ class State:
 
 @frozen
 class Residuals:
-    """|f_i| / |B_i| of the holonomic rows (s,) and |B_i v + b_i| / |B_i| of all rows (C,), with what is allowed.
-
-    norms (C,): |B_i|, 1 for the `flat` ones (C,), whose gradient vanishes or has no value.
-    """
+    """|f_i| / |B_i| of the holonomic rows (s,) and |B_i v + b_i| / |B_i| of all rows (C,), with what is allowed; norms
+    (C,): |B_i|, 1 for the `flat` ones (C,), whose gradient vanishes or has no value."""
 
     position: Floats
     velocity: Floats
@@ -84,7 +88,6 @@ class Residuals:
 
     @property
     def consistent(self) -> bool:
-        """True if every residual is within rounding of the declared values."""
         return not self.violated
 
     @property
@@ -118,20 +121,92 @@ def inertia(
     system: System, numeric: NumericSystem, state: State, fixed: npt.NDArray[np.bool_] | None = None
 ) -> Metric:
     """The mass metric at a state. Raises `diagnostics.ModelError`, by name, where M is not positive definite."""
-    from lagcli.start import singular_inertia  # here, as counts need none of it
-
-    M = numeric.inertia(state.t, state.q, state.v, state.p)
-    names = system.model.coordinate_names
+    M, model = numeric.inertia(state.t, state.q, state.v, state.p), system.model
+    names = model.coordinate_names
     rows, values = np.asarray(M.sparsity().row(), dtype=int), np.array(M.nonzeros(), dtype=float)
     for i in rows[~np.isfinite(values)][:1]:
-        raise _not_finite(system.model.location(names[i]), f"the inertia of `{names[i]}`")
-    faults = singular_inertia.without_inertia(M, system.model)
+        raise _not_finite(model.location(names[i]), f"the inertia of `{names[i]}`")
+    faults = []
+    # Where a row of M is zero there is no acceleration in its equation.
+    sizes = np.bincount(rows, weights=np.abs(values), minlength=len(names))
+    entered = np.bincount(rows, minlength=len(names)) > 0
+    for i in np.flatnonzero(sizes == 0).tolist():
+        if entered[i]:
+            message = (
+                f"the coordinate `{names[i]}` has no inertia at the start: what the energy holds of its rate has a"
+                " second derivative that vanishes there"
+            )
+            hint = f"{SINGULAR_HINT} or with another rate, or choose other coordinates"
+        else:
+            message = (
+                f"the coordinate `{names[i]}` has no inertia: no kinetic energy is quadratic in its rate, so its"
+                " equation holds no acceleration"
+            )
+            hint = (
+                "give it a mass, or write it as a function of other coordinates, from the constraint if one fixes it;"
+                " equations of first order, from a Lagrangian linear in the rate, are not solved"
+            )
+        faults.append(diagnostics.Diagnostic("no-inertia", message, model.location(names[i]), hint))
     if not faults:
         try:
             return Metric(M, fixed)
         except NotDefiniteError:
-            faults = [singular_inertia.indefinite(np.array(M), system.model)]
+            faults.append(indefinite(np.array(M), model))
     raise diagnostics.ModelError(faults)
+
+
+def indefinite(M: Floats, model: nouns.Model) -> diagnostics.Diagnostic:
+    """The motion for which v^T M v is smallest, for an M (n, n) without zero rows that is not positive definite."""
+    scale = 1.0 / np.sqrt(np.abs(M).max(axis=1))  # so that the answer does not depend on units
+    values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
+    motion = scale * vectors[:, 0]
+    names = model.coordinate_names
+    along, shown = names[int(np.argmax(np.abs(vectors[:, 0])))], _motion(motion, names)
+    if values[0] > -doubles.ZERO * values[-1]:
+        message = f"no kinetic energy resists the motion {shown} at the start: the inertia matrix is singular"
+        hint = (
+            "leave out a coordinate that describes the same motion as others (where a constraint fixes it, insert"
+            f" what the constraint says), give it a mass, or {SINGULAR_HINT}"
+        )
+    else:
+        message = (
+            f"the kinetic energy of the motion {shown} is negative at the start: the inertia matrix is not positive"
+            " definite"
+        )
+        hint = "correct the sign in the Lagrangian: kinetic energy must grow with every motion"
+    return diagnostics.Diagnostic("indefinite-inertia", message, model.location(along), hint)
+
+
+def fallen(M: Sparse, before: Sparse, names: Sequence[str]) -> str:
+    """The loss of the inertia M (n, n) of a later state against `before` at the start, positive definite, as a
+    sentence, or nothing: by the least v^T M v / v^T M_before v, which no units change."""
+    if M.shape[0] > 300:
+        return ""  # eigenvalues would take long
+    old, new = np.array(before), np.array(M)
+    if not np.isfinite(new).all() or (old == new).all():
+        return ""
+    scale = 1.0 / np.sqrt(np.diag(old))
+    inverse = np.linalg.inv(np.linalg.cholesky(old * np.outer(scale, scale)))
+    values, vectors = np.linalg.eigh(inverse @ (new * np.outer(scale, scale)) @ inverse.T)
+    if values[0] >= PARAMETERS.fallen:
+        return ""
+    motion = _motion(scale * (inverse.T @ vectors[:, 0]), names)
+    part = f"{values[0]:.2g} times that at the start"
+    return f"the inertia of the motion {motion} is {part}: the equations become singular"
+
+
+def _motion(motion: Floats, names: Sequence[str]) -> str:
+    """A motion as its rates, the largest 1 in size: `rate(x) = 1, a.vx = -1`."""
+    largest = np.abs(motion).max()
+    part = motion / motion[int(np.argmax(np.abs(motion) > 0.999 * largest))]
+    moved = np.flatnonzero(np.abs(part) > doubles.ROOT).tolist()
+    named = []
+    for i in moved[:MOST_NAMED]:
+        owner, dot, axis = names[i].rpartition(".")
+        rate = f"{owner}.v{axis}" if dot else f"rate({names[i]})"
+        named.append(f"{rate} = {part[i]:.4g}")
+    more = len(moved) - len(named)
+    return f"({', '.join(named)}{f' and {more} more' if more else ''})"
 
 
 def _not_finite(location: diagnostics.Location, what: str) -> diagnostics.ModelError:
@@ -141,10 +216,8 @@ def _not_finite(location: diagnostics.Location, what: str) -> diagnostics.ModelE
 
 
 def require_finite(system: System, numeric: NumericSystem, state: State) -> None:
-    """Raise `diagnostics.ModelError` where a force or a column is not finite at a state, by name.
-
-    The rows must be independent there.
-    """
+    """Raise `diagnostics.ModelError` where a force or a column is not finite at a state, by name. The rows must be
+    independent there."""
     h, *_ = numeric.force(state.t, state.q, state.v, state.p)
     bad = np.flatnonzero(~np.isfinite(np.array(h).ravel()))
     if bad.size:
@@ -192,9 +265,7 @@ def limits(
     rows_at: Callable[[Floats], LocalRows], state: State, rows: LocalRows, residuals: Floats
 ) -> Floats:
     """Residuals that are none, for a gradient of length one: rounding, or where some are more that of decimals.
-
-    rows_at: the rows at other configurations q (n,); rows: at the state.
-    """
+    rows_at: the rows at other configurations q (n,); rows: at the state."""
     sizes = _sizes(rows, state.q)
     found = doubles.SUM * sizes
     if (residuals > found).any():
@@ -216,11 +287,8 @@ def limits(
 def finite_rows(
     system: System, numeric: NumericSystem, state: State, forgiving: bool = False
 ) -> tuple[Floats, LocalRows, Floats]:
-    """f (s,), B and b (C,) at a state. Raises `diagnostics.ModelError` naming a row that is not finite.
-
-    forgiving: where a row is violated a gradient that has no value, as of the length of a rod whose ends coincide,
-    is taken as 0: a state that satisfies the row lies elsewhere.
-    """
+    """f (s,), B and b (C,) at a state. Raises `diagnostics.ModelError` naming a row that is not finite. forgiving:
+    where a row is violated a gradient without a value, as of the length of a rod whose ends coincide, is taken as 0."""
     f = np.array(numeric.holonomic(state.t, state.q, state.p)[0]).ravel()
     B, bias = numeric.rows(state.t, state.q, state.v, state.p)
     rows, b = LocalRows(B), np.array(bias).ravel()

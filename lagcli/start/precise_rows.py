@@ -1,8 +1,7 @@
 """The rank of rows at a state in sixty digits: doubles do not tell nearly dependent rows from dependent ones.
 
-A model is written in decimals: with d = 1e-8 the rows x = 0 and x + d y = 0 are independent. The state has to be a
-point of the surface to forty digits, as it is written or after a move that is far shorter than the rows are from
-dependent ones.
+With d = 1e-8 the rows x = 0 and x + d y = 0 are independent. The state has to be a point of the surface to forty
+digits, as it is written or after a move that is far shorter than the rows are from dependent ones.
 """
 
 from __future__ import annotations
@@ -160,8 +159,8 @@ class PreciseRows:
 
 
 def rank_of_many(rows: MetricRows, holonomic: list[int], f: Floats, size: float) -> int | None:
-    """The rank of many rows, of which some are near to dependent ones and none is as near as a surface that is singular
-    leaves them: those of a very long structure in bending. None where that is not so.
+    """The rank of many rows that are nearly dependent as those of a very long structure in bending; None where they are
+    not.
 
     All others have to follow from a few rows near them to far more digits than these are apart, and the point to stand
     on the surface, f (s,) of the `holonomic` ones, within a part of that distance.
@@ -194,16 +193,12 @@ class _RowsAtPoint:
 
     def with_bias(self) -> list[Numbers]:
         """The rows at the point as it is written, each with its b last. Raises `multiprecision.NotFinite`."""
-        values, n = self._values(self.q), len(self.q)
-        biases = values[len(values) - (len(values) - self._s) // (n + 1) :]
-        return [[*row, b] for row, b in zip(self.at(self.q)[1], biases, strict=True)]
+        rows = self.at(self.q)[1]
+        return [[*row, b] for row, b in zip(rows, self._values(self.q)[-len(rows) :], strict=True)]
 
     def rows_on_surface(self, rows: MetricRows, independent: int, least: float) -> list[Numbers] | None:
-        """The rows at the point, if it is one of the surface; else at the point of it next to that, if it is so near
-        that the rank is the same.
-
-        independent: how many rows are in doubles, least: how far they are from dependent ones.
-        """
+        """The rows at the point, if it is one of the surface, or at the point next to it, if the rank is the same
+        there; independent: how many rows are in doubles, least: how far they are from dependent ones."""
         size = max(map(abs, self.q), default=ZERO) or Decimal(1)
         written = self.at(self.q)[1]
         holonomic = [k for k, i in enumerate(self._numbers) if i < self._s]

@@ -1,9 +1,5 @@
-"""Moves a configuration or velocity onto the constraints, in the mass-weighted norm, also from far.
-
-Near the surface the integrator's own compiled projection does this at every step; this file serves the start
-(`--assemble`), and reaches other points of the surface from it. What holds at generic points (ranks, derived flags) is
-looked for at them: the start may be special.
-"""
+"""Moves a configuration or velocity onto the constraints, in the mass-weighted norm, also from far, and reaches other
+points of the surface: what holds at generic points (ranks, derived flags) is looked for at them."""
 
 from __future__ import annotations
 
@@ -65,7 +61,6 @@ class Surface:
         return self._rows.values(q)
 
     def matrix(self, entries: Floats) -> Sparse:
-        """B (s, n), sparse."""
         return self._rows.matrix(entries)
 
     @cached_property
@@ -73,7 +68,6 @@ class Surface:
         return PositionRows(self._numeric.holonomic, self._t, self._p, self._only)
 
     def at(self, q: Floats) -> Linearized | None:
-        """f and B at q, None where they are not finite."""
         f, entries = self.values(q)
         if not (np.isfinite(f).all() and np.isfinite(entries).all()):
             return None
@@ -106,11 +100,8 @@ class Surface:
 
 
 def velocity(v: Floats, B: Sparse, b: Floats, metric: Metric, is_whole: bool = False) -> Floats:
-    """The nearest v with B v + b = 0 in the metric. Shapes (n,), (C, n), (C,).
-
-    Where the rows contradict each other the result leaves a residual. So it may where they are nearly dependent, unless
-    `is_whole`: then what sets them apart counts too, down to rounding.
-    """
+    """The nearest v (n,) with B v + b = 0 in the metric. Where rows (C, n) contradict each other a residual is left,
+    and where they are nearly dependent, unless `is_whole`: then what sets them apart counts too, down to rounding."""
     rows = MetricRows(B, metric)
     for _ in range(2):  # the second pass removes the rounding of the first
         residual = LocalRows(B).times(v) + b
@@ -119,11 +110,8 @@ def velocity(v: Floats, B: Sparse, b: Floats, metric: Metric, is_whole: bool = F
 
 
 def consistent(system: System, numeric: NumericSystem, state: State, metric: Metric) -> tuple[State, bool]:
-    """A state with the velocity nearest to its own that satisfies its rows, and whether one was found.
-
-    Where doubles find none, as the rows are too nearly dependent for them, it is sought in many digits: a row is a
-    line, whatever it is multiplied by, and what sets it apart from others may be far below it.
-    """
+    """A state with the velocity nearest to its own that satisfies its rows, and whether one was found; in many digits
+    where doubles find none, as the rows are too nearly dependent for them."""
     there, is_found = _by_doubles(system, numeric, state, metric)
     solved = None if is_found else PreciseRows(numeric, state).solved()
     if solved is None:
@@ -186,10 +174,7 @@ def along(
     step: float = PARAMETERS.step,
 ) -> list[State]:
     """The start, and `points` of the surface that random steps along the kernel of some rows reach, each projected.
-
-    `later`: the time moves on by up to this much at each point, where the surface goes on so long; step: the length of
-    a step, in parts of the size of the configuration.
-    """
+    later: by how much the time may move on at each; step: as a part of the size of the configuration."""
     random = np.random.default_rng(SEED)
     found = [state]
     for _ in range(points):

@@ -42,7 +42,7 @@ def test_a_cubic_is_trusted_to_a_tenth_of_its_range(misfit, is_reported):
 
 
 def piece(begin, slope, end, end_slope):
-    ends = zero_search._Point(0.0, begin, slope), zero_search._Point(1.0, end, end_slope)
+    ends = zero_search._Sample(0.0, begin, slope), zero_search._Sample(1.0, end, end_slope)
     return zero_search._Piece(*ends, 0.0)
 
 

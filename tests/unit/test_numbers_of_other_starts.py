@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lagcli.start import singular_inertia
+from lagcli.start import initial
 from lagcli.start.configuration_search import Search
 
 # Other starts of a search for a configuration
@@ -32,4 +32,4 @@ def test_of_more_coordinates_there_are_fewer_other_starts(count, starts, monkeyp
 
 def test_four_coordinates_of_a_motion_are_named():
     names = [f"q{i}" for i in range(6)]
-    assert singular_inertia._motion(np.ones(6), names).endswith("rate(q3) = 1 and 2 more)")
+    assert initial._motion(np.ones(6), names).endswith("rate(q3) = 1 and 2 more)")

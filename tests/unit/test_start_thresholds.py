@@ -8,7 +8,7 @@ import lagcli
 from lagcli.api import cache
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows
-from lagcli.start import assembly, conflict, gaps, initial, lipschitz, projection, singular_inertia
+from lagcli.start import assembly, conflict, gaps, initial, lipschitz, projection
 
 
 def ready(coordinates: str, more: str = "", duration: float = 1.0) -> cache.CompiledModel:
@@ -61,13 +61,13 @@ def test_a_gap_of_some_digits_is_brought_to_zero(z: float, moved: bool) -> None:
 @pytest.mark.parametrize(("ratio", "told"), [(5e-4, True), (5e-3, False)])
 def test_an_inertia_has_fallen_below_a_thousandth(ratio: float, told: bool) -> None:
     before, now = ca.diag(ca.DM([1.0, 1.0])), ca.diag(ca.DM([1.0, ratio]))
-    assert bool(singular_inertia.fallen(now, before, ["x", "y"])) is told
+    assert bool(initial.fallen(now, before, ["x", "y"])) is told
 
 
 @pytest.mark.parametrize(("below", "said"), [(1.2e-9, "singular"), (1.2e-8, "negative")])
 def test_an_inertia_is_negative_beyond_rounding(below: float, said: str) -> None:
     M, model = np.array([[1.0, 1.0], [1.0, 1.0 - below]]), ready("x=1 y=1").system.model
-    assert said in singular_inertia.indefinite(M, model).message
+    assert said in initial.indefinite(M, model).message
 
 
 @pytest.mark.parametrize(("slope", "stuck"), [(1e-6, True), (1e-4, False)])

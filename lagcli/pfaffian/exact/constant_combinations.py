@@ -38,10 +38,8 @@ _PRIMES = tuple(2**61 - n for n in (1, 45, 229, 465, 829, 985, 1153, 1281))
 
 
 def null_vectors(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list[tuple[sympy.Expr, ...]]:
-    """A basis of the constants c (rational functions of the parameters) with sum_l c_l columns[l][e] = 0 for all e.
-
-    The last entry of a vector that is not zero is 1. Raises `normal_form.NoNormalFormError`.
-    """
+    """A basis of the constants c (rational functions of the parameters) with sum_l c_l columns[l][e] = 0 for all e; the
+    last entry that is not zero is 1. Raises `normal_form.NoNormalFormError`."""
     # The columns that may take part in a combination that vanishes
     involved, table = list(range(len(columns))), _samples(columns, parameters)
     if table is not None:
@@ -160,10 +158,8 @@ class _ModularImage:
 
 
 class _Echelon:
-    """The reduced row echelon form in a finite field.
-
-    `pivots` tells for each pivot column the row of the echelon form, `chosen` the rows of the matrix that span all.
-    """
+    """The reduced row echelon form in a finite field: `pivots` has its row for each pivot column, `chosen` the rows of
+    the matrix that span all."""
 
     def __init__(self, prime: int, rows: Sequence[dict[int, int]]) -> None:
         self.pivots: dict[int, dict[int, int]] = {}
@@ -200,34 +196,26 @@ def _exact(
     """The null vector with a one in the column `free` as elements of the field, None if it fails a row."""
     support = sorted(lead for lead, row in echelon.pivots.items() if free in row)
     prepared = [[rows[n].get(c, basis.ring.zero) for c in (*support, free)] for n in echelon.chosen]
-    solved = _eliminated(basis, [row for row in prepared if any(row)], len(support))
-    if solved is None:
-        return None
-    field = basis.field
-    vector = {c: basis.reduced(-field(solved[n][-1]) / field(solved[n][n])) for n, c in enumerate(support)}
-    vector[free] = field.one
-    for row in rows:
-        parts = [field(entry) * vector[c] for c, entry in row.items() if c in vector]
-        if parts and basis.remainder(sum(parts[1:], parts[0]).numer):
-            return None
-    return vector
-
-
-def _eliminated(
-    basis: normal_form.NormalForm, rows: list[list[PolyElement]], count: int
-) -> list[list[PolyElement]] | None:
-    """`count` rows with one entry each in the first `count` columns, without a division of polynomials."""
-    for n in range(count):
-        found = [i for i in range(n, len(rows)) if rows[i][n]]
+    solved = [row for row in prepared if any(row)]
+    # Rows with one entry each in the columns of the support, without a division of polynomials
+    for n in range(len(support)):
+        found = [i for i in range(n, len(solved)) if solved[i][n]]
         if not found:
             return None
-        best = min(found, key=lambda i: (len(rows[i][n]), sum(map(len, rows[i]))))
-        rows[n], rows[best] = rows[best], rows[n]
-        lead = rows[n]
-        for i, row in enumerate(rows):
+        best = min(found, key=lambda i: (len(solved[i][n]), sum(map(len, solved[i]))))
+        solved[n], solved[best] = solved[best], solved[n]
+        lead = solved[n]
+        for i, row in enumerate(solved):
             if i != n and row[n]:
                 rest = [basis.remainder(a * lead[n] - b * row[n]) for a, b in zip(row, lead, strict=True)]
                 # without the factors its entries share
                 common = reduce(lambda a, b: a.gcd(b), rest, basis.ring.zero)
-                rows[i] = [entry.exquo(common) for entry in rest] if common else rest
-    return rows[:count]
+                solved[i] = [entry.exquo(common) for entry in rest] if common else rest
+    field = basis.field
+    vector = {c: basis.reduced(-field(solved[n][-1]) / field(solved[n][n])) for n, c in enumerate(support)}
+    vector[free] = field.one
+    for equation in rows:
+        parts = [field(entry) * vector[c] for c, entry in equation.items() if c in vector]
+        if parts and basis.remainder(sum(parts[1:], parts[0]).numer):
+            return None
+    return vector

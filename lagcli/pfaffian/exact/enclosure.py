@@ -70,10 +70,8 @@ class NoValueError(Exception):
 
 
 def points(symbols: Sequence[sympy.Symbol]) -> Iterator[dict[sympy.Symbol, Fraction]]:
-    """The fixed sequence of random rational test points for some symbols.
-
-    Of different scales, as the domains of log, sqrt and asin are not known; at the end each symbol has one of its own.
-    """
+    """The fixed sequence of random rational test points for some symbols, of different scales, as the domains of log,
+    sqrt and asin are not known; at the end each symbol has a scale of its own."""
     generator = random.Random(_SEED)
     ordered = sorted(symbols, key=lambda s: s.name)
 
@@ -212,10 +210,7 @@ def nearest(
     begin: Point, origin: Point, surface: Sequence[sympy.Expr], inertia: Sequence[Sequence[Fraction]]
 ) -> Point | None:
     """The point of a surface nearest to `origin` in the metric of an inertia (n, n), from a point close to it; None
-    where rows of the surface depend on others there.
-
-    The points hold the symbols that may move; the inertia begins with them.
-    """
+    where rows depend on others there. The points hold the symbols that may move; the inertia begins with them."""
     gradients, n = [[forms.partial(f, x) for x in begin] for f in surface], len(begin)
     with mpmath.workdps(DIGITS):
         try:
@@ -233,7 +228,6 @@ class _Step:
         self._whole, self.distance, self.is_there = whole, distance, distance < _CLOSE
 
     def step(self) -> surface.Point:
-        """The step."""
         return self._whole
 
 

@@ -49,9 +49,8 @@ class TooDeep(SympyFailure):
 
 
 def attempt(work: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T:
-    """The value of a piece of work of ours, whose operators may fail with what SymPy documents for its polynomials, or
-    with the depth of an expression. Raises `SympyFailure`; all else passes as it is, an endless recursion of ours too.
-    """
+    """The value of a piece of work of ours. Raises `SympyFailure` for what SymPy documents for its polynomials, and for
+    the depth of an expression; all else passes as it is, an endless recursion of ours too."""
     try:
         return work(*arguments, **options)
     except (BasePolynomialError, RecursionError) as error:

@@ -43,11 +43,10 @@ class NoNormalFormError(NoAnswerError):
 
 
 class NormalForm:
-    """The generators of the given expressions, and the normal form of rational expressions in them.
+    """The generators of the given expressions, all at once, and the normal form of rational expressions in them.
 
-    All that are to be compared must be given at once: the generators depend on them. `surface`: expressions that count
-    as zero; then a remainder that is not zero proves nothing. Raises `NoNormalFormError` for unknown functions and for
-    multiple angles beyond `MAX_MULTIPLE`.
+    `surface`: expressions that count as zero; then a remainder that is not zero proves nothing. Raises
+    `NoNormalFormError` for unknown functions and for multiple angles beyond `MAX_MULTIPLE`.
     """
 
     def __init__(self, expressions: Iterable[sympy.Expr], surface: Sequence[sympy.Expr] = ()) -> None:

@@ -72,10 +72,8 @@ def draw(
     count: int,
     equations: Sequence[sympy.Expr] = (),
 ) -> Sample:
-    """`count` points of the surface of some equations where all expressions are finite.
-
-    The parameters have the same values at all of them, other ones at each point of a surface.
-    """
+    """`count` points of the surface of some equations where all expressions are finite. The parameters have the same
+    values at all of them, other ones at each point of a surface."""
     ordered = sorted({*variables, *parameters}, key=lambda s: s.name)
     for span in _RANGES:
         for crowd in (1, _CROWD):

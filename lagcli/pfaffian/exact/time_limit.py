@@ -83,9 +83,8 @@ def check(deadline: float) -> None:
 def run(deadline: float, work: Callable[[], Value], budget: int | None = None) -> Value:
     """The value of `work()`, computed before `deadline` (see `progress.after`) and within a budget of `operations`.
 
-    Exceptions of `work` are raised here, those of SymPy as `guarded.attempt` has them. Raises `TimeUpError` at the
-    limit, also where a value came after it; the worker is ended. Inside a limited piece of work a later or equal
-    deadline costs nothing: the outer limit already holds.
+    Exceptions of `work` are raised here, as by `guarded.attempt`. Raises `TimeUpError` at the limit, also where a value
+    came after it. Inside a limited piece of work a later or equal deadline costs nothing: the outer one holds.
     """
     check(deadline)
     outer: float | None = getattr(_local, "deadline", None)
@@ -166,10 +165,8 @@ class _Work:
 
 
 def _interrupted(work: _Work, give_up: float) -> bool:
-    """True if all its threads have ended before `give_up` (see `progress.after`).
-
-    They are interrupted again and again: a `finally` may swallow one interrupt, and machine code meets none.
-    """
+    """True if all its threads have ended before `give_up` (see `progress.after`). They are interrupted again and again:
+    a `finally` may swallow one interrupt, and machine code meets none."""
     with _quiet:
         while (threads := work.alive()) and time.monotonic() < give_up:
             for thread in threads:

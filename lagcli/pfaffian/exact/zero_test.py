@@ -38,9 +38,7 @@ class Finding:
 
 def is_zero(expression: sympy.Expr, deadline: float, surface: tuple[sympy.Expr, ...] = ()) -> Finding:
     """Tell if the expression vanishes identically, or wherever all expressions of `surface` do; unknown at `deadline`.
-
-    On a surface "no" is numeric: a value at points found by Newton's method with 50 digits.
-    """
+    On a surface "no" is a value at points found by Newton's method with 50 digits."""
     finding = _test(expression, deadline, exact_first=False)
     if not surface or finding.truth is Truth.YES or expression.is_Rational:
         return finding

@@ -1,8 +1,5 @@
-"""A Pfaffian form omega = sum_k A_k dx_k, the left side of one differential constraint (D.2), with its
-derivatives; and a block of them, rows that share coordinates, with the holonomic rows they meet (D.6 as forms).
-
-The symbols are real. Where |u|, sign(u), min or max occur, the derivatives are those away from the kinks.
-"""
+"""A Pfaffian form omega = sum_k A_k dx_k in real symbols, the left side of one differential constraint (D.2), with its
+derivatives away from kinks; and a block of them, with the holonomic rows they meet (D.6 as forms)."""
 
 from __future__ import annotations
 
@@ -56,7 +53,6 @@ class Form:
         return min(candidates, key=lambda i: (self.coefficients[i].count_ops(), i))
 
     def with_values(self, values: Mapping[sympy.Symbol, sympy.Expr]) -> Form:
-        """The form for given values of all parameters."""
         return Form(self.name, self.variables, tuple(a.xreplace(values) for a in self.coefficients))
 
     def curl(self, i: int, j: int) -> sympy.Expr:
@@ -100,11 +96,9 @@ class PfaffianBlock:
         return any(has_kinks(a) for row in (*self.rows, self.surface) for a in row)
 
     def form(self, i: int) -> Form:
-        """The form of row i."""
         return Form(self.names[i], self.variables, self.rows[i], self.parameters)
 
     def with_values(self, values: Mapping[sympy.Symbol, sympy.Expr]) -> PfaffianBlock:
-        """The block for given values of all parameters."""
         rows = tuple(tuple(a.xreplace(values) for a in row) for row in self.rows)
         surface = tuple(f.xreplace(values) for f in self.surface)
         return PfaffianBlock(self.names, self.variables, rows, (), surface)

@@ -1,9 +1,7 @@
-"""The notation of the model format in SymPy: what its expressions stand for there, and expressions written in it.
+"""The notation of the model format in SymPy, read and written; `folded` takes SymPy's expressions to any arithmetic.
 
-`folded` takes an expression of SymPy to any other arithmetic.
-
-Exact numbers have as many digits as they are written with, and powers multiply them. Arithmetic with millions of
-digits cannot be interrupted, so that no time limit would hold: what would need them is refused as `TooLarge`.
+Exact numbers have as many digits as they are written with, and powers multiply them. Arithmetic with millions of digits
+cannot be interrupted: what would need them is refused as `TooLarge`.
 """
 
 from __future__ import annotations
@@ -41,16 +39,14 @@ class NotationParameters:
     __slots__ = ()
 
     most_nodes: int = 4000
-    """Nodes of a formula: SymPy needs time quadratic in the terms of a sum only to add them up.
-    `test_a_formula_of_many_terms_is_refused` fails at 400 and at 40 000."""
+    """Nodes of a formula, as SymPy needs time quadratic in them (`test_a_formula_of_many_terms_is_refused`)."""
     most_digits: int = 300
-    """Digits of a number as it is written. `test_a_number_of_many_digits_is_refused` fails at 30 and at 3000."""
+    """Digits of a number as it is written (`test_a_number_of_many_digits_is_refused`)."""
     most_exponent: int = 200
-    """The absolute value of a rational exponent. `test_a_large_power_is_refused` fails at 20 and at 2000."""
+    """The absolute value of a rational exponent (`test_a_large_power_is_refused`)."""
     most_digits_made: int = 1200
-    """Digits of any other number, above and below together: Python writes none of more than 4300, and a search for
-    prime factors of longer ones hears no interrupt for minutes. `test_a_power_of_a_long_number_is_refused` there fails
-    at 120 and at 12 000."""
+    """Digits of any other number, above and below together: a search for prime factors of longer ones hears no
+    interrupt for minutes (`test_a_power_of_a_long_number_is_refused`)."""
 
 
 PARAMETERS = NotationParameters()
@@ -94,7 +90,6 @@ class SympyAlgebra(Operators[sympy.Expr]):
         return self.resolver.special(node, self)
 
     def variable(self, name: str, values: int) -> sympy.Expr:
-        """The value of an index variable."""
         return sympy.Integer(values)
 
 
@@ -129,10 +124,8 @@ def require_short(node: tree.Node) -> None:
 
 
 def require_small(value: V, most_operations: int) -> V:
-    """The value, unless written out as a tree it has too many operations or too large powers or numbers.
-
-    Raises `TooLarge`.
-    """
+    """The value; raises `TooLarge` where it has too many operations, written out as a tree, or too large powers or
+    numbers."""
     for part in value if isinstance(value, tuple) else (value,):
         for count, inner in enumerate(sympy.preorder_traversal(part)):
             if count >= most_operations:
@@ -183,10 +176,8 @@ def folded(
     result: Callable[..., T],
     known: dict[sympy.Basic, T],
 ) -> T:
-    """Found for an expression by its operations, named as in a `Program`, from what is found for symbols and numbers.
-
-    known: what was found before, which grows; a function that the language does not have goes by its name in SymPy.
-    """
+    """Found for an expression by its operations, named as in a `Program` (or as in SymPy), from what is found for
+    symbols and numbers. known: what was found before, which grows."""
     if e in known:
         return known[e]
     if not e.args:
