@@ -1,5 +1,4 @@
-"""Compiled functions with fixed memory: nothing is allocated and nothing converted while stepping or looking for a
-configuration."""
+"""Compiled functions with fixed memory: a call allocates and converts nothing."""
 
 from __future__ import annotations
 
@@ -24,11 +23,6 @@ class Buffer(Protocol):
     def set_res(self, index: int, memory: memoryview, /) -> None: ...
 
 
-def buffer(function: ca.Function) -> tuple[Buffer, Callable[[], None]]:
-    """A buffer of a function, and what runs it."""
-    return cast("tuple[Buffer, Callable[[], None]]", function.buffer())
-
-
 class BoundFunction:
     """A CasADi function bound to arrays: set the `arguments`, `trigger`, read `results`.
 
@@ -51,7 +45,7 @@ class BoundFunction:
         assert isinstance(function, SizedFunction), function
         if not is_sparse:
             function = function.with_full_results
-        self._buffer, self.trigger = buffer(function)
+        self._buffer, self.trigger = cast("tuple[Buffer, Callable[[], None]]", function.buffer())
         self._function, self.arguments = function, tuple(arguments)  # the buffer keeps none of them alive
         self.used = 0  # for those who count their calls
         self.results: list[Floats] = []
@@ -88,9 +82,8 @@ class PositionRows:
         arguments = np.array([t]), np.zeros(holonomic.size1_in(1)), np.array(p)
         self._bound = BoundFunction(holonomic, arguments, is_sparse=True)
         self._count, self._only = holonomic.size1_out(0), only
-        self._rows = np.asarray(
-            holonomic.sparsity_out(0).row(), dtype=np.intp
-        )  # others are zero by structure
+        # Others are zero by structure.
+        self._rows = np.asarray(holonomic.sparsity_out(0).row(), dtype=np.intp)
         self._pattern = holonomic.sparsity_out(1)
         if only is not None:
             every = range(self._pattern.size2())

@@ -21,12 +21,11 @@ from lagcli.smoothness import operation_graph
 from lagcli.smoothness.sized_function import SizedFunction
 
 LARGEST = float(np.finfo(float).max)
-# The gap of a contact is known to so many roundings of its terms, and to a few of the size of the motion.
+# The gap of a contact is known to so many roundings of its terms, and to a few of the size of the motion; speeds that
+# rise no higher than a few times that are none.
 ROUNDINGS, FEW = 32.0, 4.0
 # A rebound that rises no higher than so many roundings of the size of the motion is not followed.
 RESOLVED = 512.0
-# Speeds that rise no higher than so many times the rounding of a gap are none.
-UNSEEN = 4.0
 # A speed of a gap is none where it is this part of those that it is the difference of.
 SLOW = 1e-11
 
@@ -113,7 +112,7 @@ def function(parts: Parts) -> ca.Function:
     # Contacts that are the tolerance of the run away from closed belong to the same instant.
     touching_gap = ca.fmax(4 * noise, rtol * (extent + ca.fabs(g)))
     pull = in_units * own.a + ca.fabs(gamma)
-    slow = ca.fmax(SLOW * in_units * speed, ca.sqrt(2 * pull * UNSEEN * noise))
+    slow = ca.fmax(SLOW * in_units * speed, ca.sqrt(2 * pull * FEW * noise))
     slow = ca.fmax(slow, ca.fmax(ROUNDINGS * doubles.EPS * g_t_off, FEW * across * pull))
     blurred = ROUNDINGS * doubles.EPS * gamma_off
     lowest = RESOLVED * doubles.EPS * extent

@@ -2,13 +2,13 @@
 S factored numerically at each call, where expanded factors would be too large to build.
 
 A function of the second kind is a short chain: an expanded part that gives B, M^-1 B^T and a right-hand side, their
-product S, a solve node, an expanded part that uses the solution. Written out, S of a large body would have millions of
-operations.
+product S, a solve node, an expanded part that uses the solution.
 """
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from functools import cached_property
 
 import casadi as ca
@@ -19,12 +19,64 @@ from lagcli.compiled import selection
 from lagcli.compiled.parts import Parts
 from lagcli.smoothness.sized_function import SizedFunction
 
+SOLVER = "ldl"
+# A fixed one: the numbers must not change from run to run.
+SEED = 20063
 
-class Expanded:
-    """rhs, position and projection of one system, as functions of (t, y, p)."""
+
+class SystemFunctions:
+    """What both ways have in common: functions that solve B M^-1 B^T x = r once."""
 
     def __init__(self, parts: Parts) -> None:
         self._parts = parts
+
+    def _through(
+        self, name: str, inputs: list[ca.SX], B: ca.SX, r: ca.SX, after: Callable[[ca.SX], list[ca.SX]]
+    ) -> ca.Function:
+        """The function with the results `after(x)`; B: of the independent rows, or of those that are enforced."""
+        raise NotImplementedError
+
+    @cached_property
+    def position(self) -> ca.Function:
+        """position(t, y, p) -> y after one Newton step onto f = 0 and g = 0 along M^-1 B^T.
+
+        That is towards the nearest point in the mass-weighted norm.
+        """
+        parts, n = self._parts, self._parts.v.numel()
+        if parts.enforced.numel() == 0:
+            return SizedFunction("position", parts.inputs, [parts.y])
+
+        def after(mu: ca.SX) -> list[ca.SX]:
+            q = parts.y[:n] - parts.inertia(parts.B_enforced.T @ mu)
+            return [ca.densify(ca.vertcat(q, parts.y[n:]))]
+
+        return self._through("position", parts.inputs, parts.B_enforced, parts.enforced, after)
+
+    @cached_property
+    def response(self) -> ca.Function:
+        """See `NumericSystem.response`."""
+        parts = self._parts
+        f = ca.SX.sym("f", parts.v.numel())
+        free, B = parts.inertia(f), parts.B_independent
+
+        def after(lam: ca.SX) -> list[ca.SX]:
+            x = parts.inertia(f + parts.reaction(lam))
+            return [ca.densify(x), lam, shared.responded(parts, f, free, x)]
+
+        inputs = [parts.t, parts.y[: f.numel()], parts.v, parts.p, f]
+        return self._through("response", inputs, B, ca.densify(-(B @ free)), after)
+
+
+class Expanded(SystemFunctions):
+    """rhs, position and projection of one system, as functions of (t, y, p)."""
+
+    def _through(
+        self, name: str, inputs: list[ca.SX], B: ca.SX, r: ca.SX, after: Callable[[ca.SX], list[ca.SX]]
+    ) -> ca.Function:
+        parts, schur = self._parts, self._watched[0]
+        if B is parts.B_enforced and parts.S_enforced is not parts.S:
+            schur = selection.solver(parts.S_enforced)
+        return SizedFunction(name, inputs, after(ca.densify(schur(r)) if r.numel() else ca.SX(0, 1)))
 
     @cached_property
     def rhs(self) -> ca.Function:
@@ -40,20 +92,6 @@ class Expanded:
         return SizedFunction("stage", parts.inputs, outputs)
 
     @cached_property
-    def position(self) -> ca.Function:
-        """position(t, y, p) -> y after one Newton step onto f = 0 and g = 0 along M^-1 B^T.
-
-        That is towards the nearest point in the mass-weighted norm.
-        """
-        parts = self._parts
-        y, n = parts.y, parts.v.numel()
-        if parts.enforced.numel() == 0:
-            return SizedFunction("position", parts.inputs, [y])
-        schur = self._watched[0] if parts.S_enforced is parts.S else selection.solver(parts.S_enforced)
-        q = y[:n] - parts.inertia(parts.B_enforced.T @ schur(parts.enforced))
-        return SizedFunction("position", parts.inputs, [ca.densify(ca.vertcat(q, y[n:]))])
-
-    @cached_property
     def projection(self) -> ca.Function:
         """projection(t, y, p) -> y with the velocity projected onto B v + b = 0, y' and lambda there, `status`,
         `sizes`.
@@ -67,7 +105,7 @@ class Expanded:
 
     @cached_property
     def projected(self) -> ca.Function:
-        """projected(t, y, p) -> the results of `project` but the first, all that a row of the table needs."""
+        """projected(t, y, p) -> the first three results of `projection`."""
         return SizedFunction("projected", self._parts.inputs, list(self._projected[1:]))
 
     @cached_property
@@ -87,20 +125,6 @@ class Expanded:
         return there, projected, shared.state_rate(there, a, lam), lam
 
     @cached_property
-    def response(self) -> ca.Function:
-        parts = self._parts
-        f = ca.SX.sym("f", parts.v.numel())
-        free = parts.inertia(f)
-        lam = (
-            ca.densify(self._watched[0](-(parts.B_independent @ free)))
-            if parts.selection.independent
-            else ca.SX(0, 1)
-        )
-        x = parts.inertia(f + parts.reaction(lam))
-        inputs = [parts.t, parts.y[: f.numel()], parts.v, parts.p, f]
-        return SizedFunction("response", inputs, [ca.densify(x), lam, shared.responded(parts, f, free, x)])
-
-    @cached_property
     def _watched(self) -> tuple[selection.Solve, ca.SX | float]:
         """r -> S^-1 r, and the smallest angle of S."""
         return selection.watched(self._parts.S)
@@ -115,36 +139,30 @@ def _acceleration(parts: Parts, inertia: selection.Solve, schur: selection.Solve
     return inertia(parts.h + parts.reaction(lam)), lam
 
 
-SOLVER = "ldl"
-# A fixed one: the numbers must not change from run to run.
-SEED = 20063
-
-
-class Factored:
+class Factored(SystemFunctions):
     """rhs, position and projection of one system, as functions of (t, y, p)."""
 
-    def __init__(self, parts: Parts) -> None:
-        self._parts = parts
+    def _through(
+        self, name: str, inputs: list[ca.SX], B: ca.SX, r: ca.SX, after: Callable[[ca.SX], list[ca.SX]]
+    ) -> ca.Function:
+        x = ca.SX.sym("x", B.size1())
+        results = SizedFunction("after", [*inputs, x], after(x))
+        given = [ca.MX.sym(f"x{i}", each.numel()) for i, each in enumerate(inputs)]
+        found = self._solved(inputs, B, r, given)
+        return SizedFunction(name, given, results.call([*given, found]))
+
+    def _solved(self, inputs: list[ca.SX], B: ca.SX, r: ca.SX, given: list[ca.MX]) -> ca.MX:
+        """The solution x of B M^-1 B^T x = r at given inputs."""
+        parts = self._parts
+        other = parts.MB if B is parts.B_independent else parts.inertia(B.T)
+        before = SizedFunction("before", inputs, [B, other, r])
+        rows, other, right = before(*given)
+        return ca.solve(ca.mtimes(rows, other), right, SOLVER)
 
     @cached_property
     def rhs(self) -> ca.Function:
         inputs = self._inputs()
-        rate, _ = self._acceleration(*inputs)
-        return SizedFunction("rhs", inputs, [rate])
-
-    @cached_property
-    def position(self) -> ca.Function:
-        parts = self._parts
-        y, n = parts.y, parts.v.numel()
-        if parts.enforced.numel() == 0:
-            return SizedFunction("position", parts.inputs, [y])
-        mu = ca.SX.sym("mu", parts.enforced.numel())
-        factors = parts.B_enforced, parts.inertia(parts.B_enforced.T)
-        before = SizedFunction("before", parts.inputs, [*factors, parts.enforced])
-        moved = ca.densify(ca.vertcat(y[:n] - parts.inertia(parts.B_enforced.T @ mu), y[n:]))
-        after = SizedFunction("after", [*parts.inputs, mu], [moved])
-        inputs = self._inputs()
-        return SizedFunction("position", inputs, [after(*inputs, _solved(before, inputs))])
+        return SizedFunction("rhs", inputs, [self._acceleration(*inputs)[0]])
 
     @cached_property
     def projection(self) -> ca.Function:
@@ -171,59 +189,27 @@ class Factored:
 
     def _projected(self, *more: ca.SX) -> tuple[list[ca.MX], list[ca.MX], ca.MX]:
         """(t, y, p); y with velocity on B v + b = 0, y' and lambda; what S is solved for, and more columns of it."""
-        parts = self._parts
+        parts, B = self._parts, self._parts.B_independent
         y, v, n = parts.y, parts.v, parts.v.numel()
-        mu = ca.SX.sym("mu", len(parts.selection.independent))
-        rights = ca.horzcat(ca.densify(parts.B_independent @ v + parts.b_independent), *more)
-        before = SizedFunction("before", parts.inputs, [*self._factors, rights])
-        projected = ca.densify(ca.vertcat(y[:n], v - parts.inertia(parts.B_independent.T @ mu), y[2 * n]))
+        mu = ca.SX.sym("mu", B.size1())
+        projected = ca.densify(ca.vertcat(y[:n], v - parts.inertia(B.T @ mu), y[2 * n]))
         after = SizedFunction("after", [*parts.inputs, mu], [projected])
         t, _, p = inputs = self._inputs()
-        found = _solved(before, inputs)
+        rights = ca.horzcat(ca.densify(B @ v + parts.b_independent), *more)
+        found = self._solved(parts.inputs, B, rights, inputs)
         there = after(*inputs, found[:, 0])
         return inputs, [there, *self._acceleration(t, there, p)], found
 
     @cached_property
-    def response(self) -> ca.Function:
-        parts = self._parts
-        f = ca.SX.sym("f", parts.v.numel())
-        lam = ca.SX.sym("lam", len(parts.selection.independent))
-        free, point = parts.inertia(f), [parts.t, parts.y[: f.numel()], parts.v, parts.p]
-        before = SizedFunction(
-            "before", [*point, f], [*self._factors, ca.densify(-(parts.B_independent @ free))]
-        )
-        x = ca.densify(parts.inertia(f + parts.reaction(lam)))
-        after = SizedFunction("after", [*point, f, lam], [x, shared.responded(parts, f, free, x)])
-        inputs = [ca.MX.sym("x", each.numel()) for each in (*point, f)]
-        found = _solved(before, inputs)
-        moved, evaluated = after(*inputs, found)
-        return SizedFunction("response", inputs, [moved, found, evaluated])
-
-    @cached_property
     def _acceleration(self) -> ca.Function:
         """(t, y, p) -> y' and lambda of (D.24)."""
-        parts = self._parts
-        free = parts.inertia(parts.h)
-        right = ca.densify(parts.gamma_independent - parts.B_independent @ free)
-        before = SizedFunction("before", parts.inputs, [*self._factors, right])
-        lam = ca.SX.sym("lam", len(parts.selection.independent))
-        a = parts.inertia(parts.h + parts.reaction(lam))
-        after = SizedFunction("after", [*parts.inputs, lam], [shared.state_rate(parts, a, lam)])
-        inputs = self._inputs()
-        found = _solved(before, inputs)
-        return SizedFunction("acceleration", inputs, [after(*inputs, found), found])
+        parts, B = self._parts, self._parts.B_independent
 
-    @cached_property
-    def _factors(self) -> tuple[ca.SX, ca.SX]:
-        """B and M^-1 B^T of the independent rows, whose product is S."""
-        B = self._parts.B_independent
-        return B, self._parts.inertia(B.T)
+        def after(lam: ca.SX) -> list[ca.SX]:
+            return [shared.state_rate(parts, parts.inertia(parts.h + parts.reaction(lam)), lam), lam]
+
+        right = ca.densify(parts.gamma_independent - B @ parts.inertia(parts.h))
+        return self._through("acceleration", parts.inputs, B, right, after)
 
     def _inputs(self) -> list[ca.MX]:
         return [ca.MX.sym(name, x.numel()) for name, x in zip("typ", self._parts.inputs, strict=True)]
-
-
-def _solved(before: ca.Function, inputs: list[ca.MX]) -> ca.MX:
-    """The solution x of S x = r for B, M^-1 B^T and r that `before` gives."""
-    B, other, r = before(*inputs)
-    return ca.solve(ca.mtimes(B, other), r, SOLVER)

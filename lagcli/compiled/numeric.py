@@ -1,8 +1,8 @@
-"""System -> numeric functions: the only staircase from symbols to numbers.
+"""The numeric functions of a system: CasADi functions of (t, state, parameters), so that another value of a parameter
+costs no build.
 
-Everything the integrator and the counter need is a CasADi function of (t, state, parameters), so that another
-value of a parameter costs no build. The state is y = (q, v, W), shape (2n + 1,), with W the work of all that
-may change the Jacobi energy; it certifies the run and does not steer it.
+The state is y = (q, v, W), shape (2n + 1,), with W the work of all that may change the Jacobi energy; it certifies the
+run and does not steer it.
 
 lambda at an instant, from (D.24) with the rows differentiated once:
 
@@ -39,21 +39,18 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-# Newton steps of the position projection: the state comes from a step or an interpolation whose error is small,
-# so that two quadratic steps reach rounding.
+# Of the position projection: the error of a step or an interpolation is small, and two quadratic steps reach rounding.
 NEWTON_STEPS = 2
-
 # Up to this many multiplications the factorization of S is written out in the graph. Beyond, the graph takes
 # longer to build than a run takes, and a numeric factorization is no slower.
 EXPANDED_OPERATIONS = 3e5
-
 # How far integrals may move a projected state, weighed against its residual: of a state that is projected where 1e-9 of
 # its size is left, by a hundredth of its size.
 THROWN = 1e-7
 
 
 def _of_steps(make: Callable[[NumericSystem], ca.Function]) -> cached_property[ca.Function]:
-    """A function of the system whose functions make the steps, made once there."""
+    """A function of the system whose functions make the steps, made there once."""
 
     @wraps(make)
     def function(numeric: NumericSystem) -> ca.Function:
@@ -80,8 +77,7 @@ class NumericSystem:
 
     @property
     def has_time(self) -> bool:
-        """True if t occurs in what moves the system. Where it does not, the motion from a start is the same at any
-        time."""
+        """True if t occurs in what moves the system; else the motion from a start is the same at any time."""
         return self._parts.has_time
 
     @cached_property
@@ -107,7 +103,7 @@ class NumericSystem:
 
     @cached_property
     def has_linear_momenta(self) -> bool:
-        """True if the momenta dL/dq' are linear in the velocities: M (D.34) holds none of them."""
+        """True if no velocity occurs in M (D.34)."""
         return not ca.depends_on(self._parts.M, self._system.symbols.v)
 
     @property
@@ -120,16 +116,16 @@ class NumericSystem:
         return NumericSystem(self._system, self._parts.keeping(selection))
 
     def switching(self, selection: Selection) -> NumericSystem:
-        """The system stepped with these independent rows, by functions that it shares with other sets of closed
-        contacts where it can: they take the `switches` at the end of p."""
+        """As `keeping`, where it can by functions that other sets of closed contacts share: they take the `switches` at
+        the end of p."""
         whole = selection.switched(self._parts.B.shape[0])
         if whole is None:
             return self.keeping(selection)
 
         def all_closed() -> NumericSystem | None:
-            """None where switches do not pay: they stand in expanded factors alone."""
             parts = self._parts.switched(whole)
             every = None if parts is None else NumericSystem(self._system, parts)
+            # Switches stand in expanded factors alone.
             return every if every and isinstance(every._way, Expanded) else None
 
         every = self.memory.answer(("all closed", whole), all_closed)
@@ -161,8 +157,7 @@ class NumericSystem:
 
     @property
     def stage(self) -> ca.Function | None:
-        """stage(t, y, p) -> y' (2n + 1,), and `parts.rank_margin` (2,): the smallest angle of the rows, and the
-        smallest diagonal.
+        """stage(t, y, p) -> y' (2n + 1,), and `parts.rank_margin` (2,).
 
         None where S is factored numerically: another solution at each stage would cost too much.
         """
@@ -173,9 +168,8 @@ class NumericSystem:
     def project(self) -> ca.Function:
         """project(t, y, p) -> y on f = 0 and B v + b = 0, y' there, a status of four, and `parts.Sizes.packed`.
 
-        The status is `parts.status` (residual, smallest angle, smallest diagonal) and the sum of y', finite only where
-        all of y' is.
-        A state that g = 0 threw far off counts as not projected: it is on another branch.
+        The status is `parts.status` and the sum of y', finite only where all of y' is. A state that g = 0 threw far off
+        counts as not projected: it is on another branch.
         """
         t, y, p = inputs = _inputs(self._way.projection)
         projected, rate, _, status, sizes = self._way.projection(t, self._projected(t, y, p), p)
@@ -188,10 +182,8 @@ class NumericSystem:
 
     @_of_steps
     def record(self) -> ca.Function:
-        """record(t, y, p) -> y projected, one row of the table without t, and the figures of the account.
-
-        These are position drift, velocity drift, Jacobi energy and its part without velocities.
-        """
+        """record(t, y, p) -> y projected, one row of the table without t, and the figures of the account: position
+        drift, velocity drift, Jacobi energy and its part without velocities."""
         t, y, p = inputs = _inputs(self._way.projected)
         projected, rate, lam = self._way.projected(t, self._projected(t, y, p), p)
         lam = self._parts.multipliers(t, projected, p, lam)
@@ -269,6 +261,11 @@ class NumericSystem:
         """The numbers of the contacts that act, each beyond C."""
         return self._parts.closed
 
+    @property
+    def lying_rows(self) -> list[int]:
+        """Those that act, and those that are closed and carry nothing."""
+        return [*self.closed_rows, *self.selection.idle_rows]
+
     @_of_steps
     def solved(self) -> ca.Function:
         """solved(t, y, p) -> y' (2n + 1,) and lambda of all rows (C + K,), the state as it is."""
@@ -280,11 +277,6 @@ class NumericSystem:
     def loads(self) -> ca.Function:
         """loads(t, y, p, lambda of all rows) -> `selection.loads` of the idle contacts, (I,)."""
         return self._parts.loads
-
-    @property
-    def idle_rows(self) -> list[int]:
-        """The numbers of the contacts that are closed and carry nothing, each beyond C."""
-        return [dependency[0] for dependency in self._parts.selection.idle]
 
     @cached_property
     def event_values(self) -> ca.Function:
@@ -316,7 +308,7 @@ class NumericSystem:
 
     @cached_property
     def sizes(self) -> ca.Function:
-        """sizes(t, q, v, p) -> `parts.Sizes.packed` (n + 3,), whatever the rows say."""
+        """sizes(t, q, v, p) -> `parts.Sizes.packed` (n + 3,)."""
         parts = self._parts
         return SizedFunction("sizes", self._inputs, [shared.sizes(parts, parts.v, parts.h, parts.M).packed])
 
@@ -360,7 +352,7 @@ class NumericSystem:
 
     @cached_property
     def applied(self) -> ca.Function:
-        """applied(t, q, v, p) -> Q_j (n,), the generalized forces of all that is declared under `forces` (D.30)."""
+        """applied(t, q, v, p) -> Q_j (n,) of all that is declared under `forces` (D.30)."""
         dynamics = self._system.dynamics
         Q = dynamics.driving - ca.gradient(dynamics.potential, self._system.symbols.q)
         return SizedFunction("applied", self._inputs, [ca.densify(Q)])
@@ -387,7 +379,7 @@ def _solved(system: System) -> list[ca.SX]:
 
 
 def table(system: System, parts: shared.Parts) -> ca.Function:
-    """table(t, y, y', lambda, p) -> one row of the table without t, and the figures the account is made of."""
+    """table(t, y, y', lambda, p) -> one row of the table without t, and the figures of the account."""
     model, dynamics, symbols = system.model, system.dynamics, system.symbols
     particles, n = system.r.numel() // 3, symbols.q.numel()
     first = n - len(model.generalized_names)

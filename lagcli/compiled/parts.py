@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from lagcli import doubles
+from lagcli.compiled import dop853_tableau
 from lagcli.compiled import selection as choice
 from lagcli.compiled.selection import Selection
 from lagcli.equations import system as mechanics
@@ -24,35 +25,17 @@ if TYPE_CHECKING:
 
 # Nodes of a graph in which common subexpressions are looked for.
 SHARED_NODES = 20_000
-
-
-class SwitchParameters:
-    """Contacts of which all sets share the functions of a step.
-
-    The tests are of `tests/unit/test_contact_switches.py`.
-    """
-
-    __slots__ = ()
-
-    few: int = 4
-    """So many contacts have few sets: each has functions of its own.
-    `test_few_contacts_have_functions_for_each_set` fails at 0 and 40."""
-    stages: int = 12
-    """A step adds up so many stages of each number of the state: the multiplications of one factorization may be as
-    many. `test_contacts_whose_factors_would_cost_more_than_a_step_have_functions_for_each_set` fails at 1 and
-    120."""
-
-
-PARAMETERS = SwitchParameters()
+# So many contacts have few sets: each has functions of its own.
+FEW_CONTACTS = 4
 
 
 @frozen
 class Parts:
-    """The expressions of (D.24) with their common subexpressions shared, where the graph `is_small`.
+    """The expressions of (D.24), their common subexpressions shared where the graph `is_small`.
 
     cartesian: how many of q are components of Cartesian particles; they come first.
-    g (k,), dg (k, n): what is enforced to be zero besides f, first integrals of differential rows less their values at
-    the start, and the gradient by q. They enter the projection of positions and nothing else.
+    g (k,), dg (k, n): first integrals of differential rows less their values at the start, which the projection of
+    positions brings to zero besides f, and their gradients by q.
     contacts: the K rows after the C of B; those that are closed act as holonomic ones do.
     selection: the independent rows among all C + K; lambda is that of these rows, unless said otherwise.
     switches (K,), at the end of p, or none: contacts whose switch is 0 are open all the same.
@@ -79,12 +62,12 @@ class Parts:
 
     @cached_property
     def force(self) -> ca.Function:
-        """force(t, q, v, p) -> h (n,), gamma (C,) and power, to be had at another velocity."""
+        """See `NumericSystem.force`."""
         q = self.y[: self.v.numel()]
         return SizedFunction("force", [self.t, q, self.v, self.p], [self.h, self.gamma, self.power])
 
     def moving(self, v: ca.SX) -> Parts:
-        """The parts at another velocity, as far as it enters h, gamma and power; M stays."""
+        """The parts at another velocity, but for M."""
         h, gamma, power = self.force(self.t, self.y[: v.numel()], v, self.p)
         return dataclasses.replace(self, v=v, h=h, gamma=gamma, power=power)
 
@@ -124,10 +107,14 @@ class Parts:
         return dataclasses.replace(contacts, g=g, G=G, g_t=g_t, gamma=gamma)
 
     @cached_property
+    def MB(self) -> ca.SX:
+        """M^-1 B^T of the independent rows."""
+        return self.inertia(self.B_independent.T)
+
+    @cached_property
     def S(self) -> ca.SX:
-        """S = B M^-1 B^T of the independent rows; of rows that are switched off that of rows of length one, across all
-        others."""
-        S = self.B_independent @ self.inertia(self.B_independent.T)
+        """B M^-1 B^T of the independent rows; one that is switched off has length one, and lies across all others."""
+        S = self.B_independent @ self.MB
         if not self.switches.numel():
             return S
         equalities = len(self.selection.independent) - self.switches.numel()
@@ -138,8 +125,8 @@ class Parts:
         """S of the rows of `B_enforced`, (s + k, s + k)."""
         if self.g.numel():
             return self.B_enforced @ self.inertia(self.B_enforced.T)
-        independent = self.selection.independent
-        indices = [k for k, row in enumerate(independent) if self._is_holonomic(row)]
+        independent, holonomic = self.selection.independent, set(self._holonomic)
+        indices = [k for k, row in enumerate(independent) if row in holonomic]
         return self.S if len(indices) == len(independent) else self.S[indices, indices]
 
     @property
@@ -147,9 +134,10 @@ class Parts:
         """The rows of B that belong to f."""
         return self.B[: self.f.numel(), :]
 
-    def _is_holonomic(self, row: int) -> bool:
-        """True for a row of holonomic constraints: of f, or a contact."""
-        return row < self.f.numel() or row >= self.B.shape[0]
+    @property
+    def _holonomic(self) -> list[int]:
+        """The independent rows that are of f, or contacts."""
+        return [i for i in self.selection.independent if i < self.f.numel() or i >= self.B.shape[0]]
 
     def of(self, numbers: Sequence[int], equalities: ca.SX, contacts: ca.SX) -> ca.SX:
         """Entries of rows by their ascending numbers, out of those of all equality rows (C,) and contacts (K,)."""
@@ -177,15 +165,13 @@ class Parts:
     @cached_property
     def enforced(self) -> ca.SX:
         """Independent rows of f, closed contacts, and g: what the projection of positions brings to zero."""
-        holonomic = [i for i in self.selection.independent if self._is_holonomic(i)]
-        f = self.of(holonomic, self.f, self.acting.g)
+        f = self.of(self._holonomic, self.f, self.acting.g)
         return ca.vertcat(f, self.g) if self.g.numel() else f
 
     @cached_property
     def B_enforced(self) -> ca.SX:
         """Their gradients by q."""
-        holonomic = [i for i in self.selection.independent if self._is_holonomic(i)]
-        B = self.of(holonomic, self.B_holonomic, self.acting.G)
+        B = self.of(self._holonomic, self.B_holonomic, self.acting.G)
         return ca.vertcat(B, self.dg) if self.g.numel() else B
 
     @property
@@ -202,11 +188,12 @@ class Parts:
         """The parts with all contacts of a selection, and switches at the end of p; None where the factors of S would
         cost more than the steps do without them, or where there are few sets of contacts."""
         count = self.contacts.count
-        if count <= PARAMETERS.few:
+        if count <= FEW_CONTACTS:
             return None
         B = self.of(selection.independent, self.B, self.contacts.G)
         pattern = ca.mtimes(B.sparsity(), self.inertia(B.T).sparsity())
-        most = PARAMETERS.stages * self.y.numel()
+        # A step adds up its stages of each number of the state.
+        most = dop853_tableau.STAGES * self.y.numel()
         if pattern.nnz() > most or choice.operations(ca.SX(pattern)) > most:
             return None
         switches = ca.SX.sym("switch", count)
@@ -222,21 +209,22 @@ class Parts:
             every = ca.SX.zeros(self.selection.count)
             every[list(self.selection.independent)] = lam
             return SizedFunction("multipliers", [*self.inputs, lam], [every])
-        B = self.of(self.selection.shared, self.B, self.contacts.G)
-        gram = SizedFunction("gram", self.inputs, [B @ self.inertia(B.T)])
-        sizes = zip(("t", "y", "p", "lam"), (*self.inputs, lam), strict=True)
-        t, y, p, given = inputs = [ca.MX.sym(name, x.numel()) for name, x in sizes]
-        return SizedFunction("multipliers", inputs, [choice.split(self.selection, gram(t, y, p), given)])
+        return self._of_gram("multipliers", self.selection.shared, lam.numel(), choice.split)
 
     @cached_property
     def loads(self) -> ca.Function:
         """loads(t, y, p, lambda of all rows) -> `selection.loads`, (I,)."""
-        B = self.of(choice.spread(self.selection), self.B, self.contacts.G)
+        return self._of_gram("loads", choice.spread(self.selection), self.selection.count, choice.loads)
+
+    def _of_gram(
+        self, name: str, rows: tuple[int, ...], count: int, result: Callable[[Selection, ca.MX, ca.MX], ca.MX]
+    ) -> ca.Function:
+        """(t, y, p, lambda (count,)) -> what follows from B M^-1 B^T of these rows and lambda."""
+        B = self.of(rows, self.B, self.contacts.G)
         gram = SizedFunction("gram", self.inputs, [B @ self.inertia(B.T)])
-        sizes = zip("typ", self.inputs, strict=True)
-        t, y, p = (ca.MX.sym(name, x.numel()) for name, x in sizes)
-        lam = ca.MX.sym("lam", self.selection.count)
-        return SizedFunction("loads", [t, y, p, lam], [choice.loads(self.selection, gram(t, y, p), lam)])
+        state = [ca.MX.sym(word, x.numel()) for word, x in zip("typ", self.inputs, strict=True)]
+        lam = ca.MX.sym("lam", count)
+        return SizedFunction(name, [*state, lam], [result(self.selection, gram(*state), lam)])
 
     def holding(self, charts: Sequence[LevelExpression]) -> Parts:
         """The parts with integrals enforced in these charts; p goes on with two constants for each, above and below.
@@ -304,8 +292,8 @@ def responded(parts: Parts, f: ca.SX, free: ca.SX, x: ca.SX) -> ca.SX:
 
 
 def residuals(parts: Parts) -> tuple[ca.SX, ca.SX]:
-    """Largest |f_i| / |B_i| of all rows, and |g_j| / |dg_j|, a length where q are lengths; and largest
-    |B_i v + b_i| / |B_i| of all equality rows and closed contacts, of a row without a gradient |b_i|."""
+    """The largest |f_i| / |B_i| and |g_j| / |dg_j|, lengths where q are; and the largest |B_i v + b_i| / |B_i| of
+    equality rows and closed contacts, of a row without a gradient |b_i|."""
     f, B = _position_rows(parts)
     position = ca.mmax(ca.fabs(f) / _row_norms(B)) if f.numel() else ca.SX(0)
     every, velocity = [*range(parts.B.shape[0]), *parts.closed], ca.SX(0)
@@ -327,10 +315,9 @@ def _position_rows(parts: Parts) -> tuple[ca.SX, ca.SX]:
 class Sizes:
     """Sizes in which positions, velocities and accelerations are small or large, whatever the units.
 
-    units (n,): what one unit of the others means for each coordinate. Those of generalized coordinates are M_ii^(-1/2):
-    an angle of a long arm counts as much as the way of its end. All components of Cartesian particles have one, that
-    of the heaviest. q, v, a: the largest of |q_i|, |v_i| and |h_i| / M_ii in these units; a is there where forces
-    balance each other too.
+    units (n,): M_ii^(-1/2), so that an angle of a long arm counts as much as the way of its end; all components of
+    Cartesian particles have that of the heaviest. q, v, a: the largest |q_i|, |v_i| and |h_i| / M_ii in these units;
+    a is there where forces balance each other too.
     """
 
     units: ca.SX
@@ -357,8 +344,8 @@ def sizes(parts: Parts, v: ca.SX, h: ca.SX, M: ca.SX) -> Sizes:
 
 
 def roundings(parts: Parts, inputs: list[ca.SX]) -> ca.SX:
-    """(2, 3): positions, velocities and accelerations, as `Sizes`, and what the rounding of the rows in which t occurs
-    makes of the former two, and it and that of h of the latter, in units of rounding; inputs: t, q, v, p."""
+    """(2, 3): q, v and a of `Sizes`, and what rounding makes of them: that of the rows in which t occurs, of a that of
+    h too, in units of rounding; inputs: t, q, v, p."""
     from lagcli.equations import operation_rules
 
     own, every = sizes(parts, parts.v, parts.h, parts.M), [*range(parts.B.shape[0]), *parts.closed]
@@ -380,12 +367,10 @@ def roundings(parts: Parts, inputs: list[ca.SX]) -> ca.SX:
 
 
 def status(parts: Parts, smallest_angle: ca.SX | float, v: ca.SX, sizes: Sizes) -> ca.SX:
-    """(3,) at a velocity v: the larger of what is left of the rows, as a part of the size of q, and of how far the rows
-    left out have departed; how far the rows are from dependent ones; and the least diagonal entry of S, which vanishes
-    with a row.
+    """(3,) at a velocity v: the residual, and `rank_margin`.
 
-    Rows left out depart by the largest B_i v + b_i, as a part of what v, q and t make in it: do they still follow?
-    Where b depends on q it has the errors of q even where nothing moves; t has rounding alone.
+    The residual is the larger of what is left of the rows, as a part of the size of q, and of the largest B_i v + b_i
+    of rows left out, as a part of what v, q and t make in it: do they still follow?
     """
     f, B = _position_rows(parts)
     residual = ca.SX(0)
@@ -396,8 +381,8 @@ def status(parts: Parts, smallest_angle: ca.SX | float, v: ca.SX, sizes: Sizes) 
     if rest:
         B, b = parts.of(rest, parts.B, parts.contacts.G), parts.of(rest, parts.b, parts.contacts.g_t)
         slope, by_time = ca.jacobian(b, parts.y[: v.numel()]), ca.densify(ca.jacobian(b, parts.t))
-        # The rounding of t counts as a part of the errors that q may have, and at rest that of velocities as a part of
-        # those that the forces would make over the size of q.
+        # Where b depends on q it has the errors of q even where nothing moves; t has rounding alone. At rest that of
+        # velocities is a part of those that the forces would make over the size of q.
         speed = sizes.v + doubles.ROOT * ca.sqrt(sizes.a * sizes.q) + doubles.TINY
         size = _row_norms(B, sizes.units) * speed + doubles.ROOT * ca.fabs(by_time * parts.t)
         if slope.nnz():
@@ -408,13 +393,11 @@ def status(parts: Parts, smallest_angle: ca.SX | float, v: ca.SX, sizes: Sizes) 
 
 
 def rank_margin(parts: Parts, smallest_angle: ca.SX | float) -> ca.SX:
-    """(2,): the smallest angle, and the least diagonal entry of S."""
-    diagonal = ca.diag(parts.S)
-    if parts.switches.numel():
+    """(2,): the smallest angle of the rows, and the least diagonal entry of S, which vanishes with a row."""
+    diagonal, K = ca.diag(parts.S), parts.switches.numel()
+    if K:
         # Rows that are switched off vanish no more.
-        diagonal = ca.vertcat(
-            diagonal[: -parts.switches.numel()], diagonal[-parts.switches.numel() :] / parts.switches
-        )
+        diagonal = ca.vertcat(diagonal[:-K], diagonal[-K:] / parts.switches)
     smallest_diagonal = ca.mmin(diagonal) if parts.selection.independent else 1.0
     return ca.densify(ca.vertcat(smallest_angle, smallest_diagonal))
 

@@ -1,32 +1,30 @@
 """Steps along fields that satisfy rows, A dz = B dq + b dt = 0, and their derivatives, for many points at once.
 
-A point is z = (q of some coordinates, t); what is fixed besides is built in as numbers. The field alone is written
-out; a step of a Runge-Kutta scheme is a graph that calls it, so that its derivatives are short too.
+A point is z = (q of some coordinates, t); what is fixed besides is built in as numbers. A step of a Runge-Kutta scheme
+is a graph that calls the field, so that its derivatives are short too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles, progress
-from lagcli.compiled.bound_function import Buffer, buffer
+from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations.system import System
 from lagcli.frozen import frozen
 from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
-Scheme = tuple[
-    Sequence[Sequence[float]], Sequence[float]
-]  # the stages' rows of coefficients, and the weights
+# The stages' rows of coefficients, and the weights.
+Scheme = tuple[Sequence[Sequence[float]], Sequence[float]]
 
 MOST = 256  # points in one call
-OUTPUTS = {"rate": 1, "ahead": 1, "turned": 3}
-ROUGH: Scheme = (((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6))  # the classical one
+ROUGH: Scheme = (((), (1 / 2,), (0, 1 / 2), (0, 0, 1)), (1 / 6, 1 / 3, 1 / 3, 1 / 6))  # the classical one
 SHARED_NODES = 3000  # of a field in which common subexpressions are looked for
 WRITTEN_OUT = 3e4  # operations of a step that is written out too
 
@@ -87,17 +85,13 @@ def projected(z: ca.SX, A: ca.SX) -> ca.Function:
     return SizedFunction("field", [z, w], [_short(ca.densify(ca.vertcat(dq, dt)))])
 
 
-# A function of many points, its buffer, and what runs it.
-_Mapped = tuple[ca.Function, tuple[Buffer, Callable[[], None]]]
-
-
 class PathSteps:
     """Steps of a scheme along a field, for many points and controls."""
 
     def __init__(self, field: ca.Function, scheme: Scheme) -> None:
         self._field, self._scheme = field, scheme
-        self._functions: dict[str, ca.Function] = {}
-        self._mapped: dict[tuple[str, int], _Mapped] = {}
+        self._functions: dict[str, ca.Function] = {"rate": field}
+        self._bound: dict[tuple[str, int], BoundFunction] = {}
 
     def rate(self, Z: Floats, U: Floats) -> Floats:
         """The field (N, k + 1) at points Z (N, k + 1) for controls U (N, m); not finite at a pole."""
@@ -117,16 +111,9 @@ class PathSteps:
         )
         return ahead.reshape(Z.shape), J_z, J_u * h
 
-    def _function(self, name: str) -> ca.Function:
-        """The field, a step of length one, or a rough one with its derivatives.
-
-        The field is linear in its controls, so that the length of a step is that of its controls.
-        """
-        if name == "rate":
-            return self._field
+    def _ahead(self) -> ca.Function:
+        """ahead(z, u) -> the point after a step: as the field is linear in u, its length is that of u."""
         z, u = inputs = [ca.MX.sym(x, self._field.size1_in(i)) for i, x in enumerate("zu")]
-        if name == "turned":
-            return self._turned(z, u)
         stages: list[ca.MX] = []
         weights, last = self._scheme
         for row in weights:
@@ -135,64 +122,55 @@ class PathSteps:
         is_short = self._field.n_instructions() * len(stages) < WRITTEN_OUT
         return SizedFunction(ahead.expand()) if is_short else ahead
 
-    def _turned(self, z: ca.MX, u: ca.MX) -> ca.Function:
+    def _turned(self) -> ca.Function:
         """turned(z, u) -> the point after a rough step, and its derivatives by z and by u."""
-        symbols = [ca.SX.sym(x.name(), x.numel()) for x in (z, u)]
+        symbols = [ca.SX.sym(x, self._field.size1_in(i)) for i, x in enumerate("zu")]
         rate = self._field(*symbols)
         outputs = [rate, *(ca.densify(ca.jacobian(rate, x)) for x in symbols)]
         field = SizedFunction("field", symbols, outputs)
         weights, last = ROUGH
-        stages: list[tuple[ca.MX, ca.MX, ca.MX]] = []
+        z, u = inputs = [ca.MX.sym(x.name(), x.numel()) for x in symbols]
+        rates: list[ca.MX] = []
+        turns: list[ca.MX] = []
+        pushes: list[ca.MX] = []
         unit = ca.MX(ca.DM.eye(z.numel()))
         for row in weights:
-            rates, turns, pushes = (
-                (list(each) for each in zip(*stages, strict=True)) if stages else ([], [], [])
-            )
             k, J_z, J_u = field(z + _mix(row, rates), u)
-            turn = ca.mtimes(J_z, unit + _mix(row, turns)) if stages else J_z
-            push = ca.mtimes(J_z, _mix(row, pushes)) + J_u if stages else J_u
-            stages.append((k, turn, push))
-        rates, turns, pushes = (list(each) for each in zip(*stages, strict=True))
+            if rates:
+                J_u = ca.mtimes(J_z, _mix(row, pushes)) + J_u
+                J_z = ca.mtimes(J_z, unit + _mix(row, turns))
+            rates.append(k)
+            turns.append(J_z)
+            pushes.append(J_u)
         after = [z + _mix(last, rates), unit + _mix(last, turns), _mix(last, pushes)]
-        return SizedFunction("turned", [z, u], [ca.densify(x) for x in after])
+        return SizedFunction("turned", inputs, [ca.densify(x) for x in after])
 
     def _called(self, name: str, Z: Floats, U: Floats) -> list[Floats]:
-        if not len(Z):
-            return [np.zeros(0)] * OUTPUTS[name]
-        parts = [self._call(name, Z[i : i + MOST], U[i : i + MOST]) for i in range(0, len(Z), MOST)]
-        return [np.concatenate(each) for each in zip(*parts, strict=True)] if len(parts) > 1 else parts[0]
-
-    def _call(self, name: str, Z: Floats, U: Floats) -> list[Floats]:
-        """Outputs for up to `MOST` points, one after the other in one array each."""
-        count = len(Z)
-        many = 1 << (count - 1).bit_length()  # few sizes, each built once
-        known = self._mapped.get((name, many))
-        if known is None:
-            if name not in self._functions:
-                self._functions[name] = self._function(name)
-            function = self._functions[name]
-            mapped = function.map(many) if many > 1 else function
-            known = mapped, buffer(mapped)
-            self._mapped[name, many] = known
+        """The outputs at all points, one after the other in one array each; up to `MOST` points in a call."""
+        if name not in self._functions:
+            self._functions[name] = self._turned() if name == "turned" else self._ahead()
+        function, parts = self._functions[name], []
         # Operations for one point; those of derivatives are as many as of the field for each of its values.
         stages = 1 if name == "rate" else len((ROUGH if name == "turned" else self._scheme)[0])
         operations = self._field.n_instructions() * stages
         operations *= self._field.size1_out(0) if name == "turned" else 1
-        progress.reckon(many * operations * progress.PARAMETERS.operation)
-        mapped, (arrays, run) = known
-        # The buffer holds addresses alone: the arrays must live until it has run.
-        arguments = [np.empty((many, X.shape[1])) for X in (Z, U)]
-        for argument, X in zip(arguments, (Z, U), strict=True):
-            argument[:count], argument[count:] = X, X[:1]
-        taken = [mapped.nnz_in(i) for i in range(mapped.n_in())]
-        assert [argument.size for argument in arguments] == taken, (mapped.name(), Z.shape, U.shape)
-        results = [np.empty(mapped.nnz_out(i)) for i in range(mapped.n_out())]
-        for i, argument in enumerate(arguments):
-            arrays.set_arg(i, argument.data)
-        for i, result in enumerate(results):
-            arrays.set_res(i, result.data)
-        run()
-        return [result[: result.size // many * count] for result in results]
+        for i in range(0, len(Z), MOST):
+            given = Z[i : i + MOST], U[i : i + MOST]
+            count = len(given[0])
+            many = 1 << (count - 1).bit_length()  # few sizes, each built once
+            if (name, many) not in self._bound:
+                mapped = SizedFunction(function.map(many) if many > 1 else function)
+                self._bound[name, many] = BoundFunction(mapped, [np.zeros((many, X.shape[1])) for X in given])
+            bound = self._bound[name, many]
+            progress.reckon(many * operations * progress.PARAMETERS.operation)
+            for argument, X in zip(bound.arguments, given, strict=True):
+                assert argument.shape[1] == X.shape[1], (function.name(), Z.shape, U.shape)
+                argument[:count], argument[count:] = X, X[:1]
+            bound.trigger()
+            parts.append([x.T.ravel()[: x.size // many * count].copy() for x in bound.results])
+        if not parts:
+            return [np.zeros(0)] * function.n_out()
+        return [np.concatenate(each) for each in zip(*parts, strict=True)] if len(parts) > 1 else parts[0]
 
 
 def _short(expression: ca.SX) -> ca.SX:

@@ -28,10 +28,8 @@ def solver(matrix: ca.SX) -> Solve:
 
 
 def watched(matrix: ca.SX) -> tuple[Solve, ca.SX | float]:
-    """The solver as `solver` makes it, with the smallest angle: the least pivot, each as a part of its diagonal entry.
-
-    Of a Gram matrix a pivot over its entry is the square of the sine between a row and the rows before it.
-    """
+    """The `solver`, with the least pivot as a part of its diagonal entry: of a Gram matrix the square of the sine
+    between a row and the rows before it."""
     n = matrix.shape[0]
     if n == 0:
         return (lambda right: right), 1.0
@@ -72,13 +70,11 @@ SOLVER = "ldl"
 
 @frozen_value
 class Selection:
-    """The rows a run is stepped with, `independent`.
+    """The rows a run is stepped with, `independent`, numbered as the multipliers: C equality rows, then K contacts.
 
-    dependencies: each other row, followed by the independent rows it depends on; inactive: rows that are declared and
-    do not act, as contacts that are open; idle: contacts among them that lie closed on others and carry nothing in the
-    least split, each with the independent rows that it depends on.
-
-    Rows are numbered as the multipliers are: the C equality rows, then the K contacts.
+    dependencies: each other row, followed by the independent rows it depends on; inactive: contacts that do not act;
+    idle: those of them that are closed and carry nothing in the least split, each with the independent rows that it
+    depends on.
     """
 
     independent: tuple[int, ...]
@@ -103,8 +99,7 @@ class Selection:
         return Selection(independent, dependencies, tuple(range(rows, self.count)))
 
     def switched(self, rows: int) -> Selection | None:
-        """The selection with all contacts closed, of which switches choose this one; None where all are open, or some
-        depend on others."""
+        """The selection with all contacts closed, None where all are open, or some depend on others."""
         open_ = self.opened(rows)
         if self.idle or self.dependencies != open_.dependencies or self.independent == open_.independent:
             return None
@@ -112,9 +107,13 @@ class Selection:
 
     @property
     def indeterminate(self) -> frozenset[int]:
-        """Rows whose multipliers are not unique: those that take part in a dependency, a row that vanishes in its
-        own, and those of idle contacts."""
+        """Rows whose multipliers are not unique: of dependencies, and of idle contacts."""
         return frozenset((*self.shared, *(row for dependency in self.idle for row in dependency)))
+
+    @property
+    def idle_rows(self) -> list[int]:
+        """The contacts that are closed and carry nothing."""
+        return [dependency[0] for dependency in self.idle]
 
     @property
     def shared(self) -> tuple[int, ...]:
@@ -122,7 +121,7 @@ class Selection:
         return tuple(sorted({row for dependency in self.dependencies for row in dependency}))
 
     def groups(self) -> Iterator[tuple[list[int], list[int]]]:
-        """Rows left out and independent rows of dependencies that share rows; a row that vanishes belongs to none."""
+        """Rows left out and independent rows of dependencies that share rows, without rows that vanish."""
         head: dict[int, int] = {}  # of each independent row, one that stands for all of its group
 
         def top(row: int) -> int:

@@ -206,7 +206,7 @@ class EdgeEvent(Event):
         run, first = self._run, len(self._system.rows.rows)
         numeric = run.bound.numeric
         closed = np.zeros(self._kinked.size, dtype=bool)
-        closed[[i - first for i in (*numeric.closed_rows, *numeric.idle_rows)]] = True
+        closed[[i - first for i in numeric.lying_rows]] = True
         closed[-1] = closed.any() or bool(run.contacts.touching)
         return np.asarray(closed & self._kinked)
 

@@ -61,7 +61,7 @@ class RunContacts:
     @property
     def idle(self) -> tuple[int, ...]:
         """The contacts that lie closed on others and carry nothing."""
-        return tuple(i - self.rows for i in self.run.bound.numeric.idle_rows)
+        return tuple(i - self.rows for i in self.run.bound.numeric.selection.idle_rows)
 
     @property
     def lying(self) -> set[int]:

@@ -43,7 +43,7 @@ class StepWatch:
     def __init__(self, functions: WatchFunctions, run: Stepper) -> None:
         self.functions, self.run, self.bound = functions, run, run.bound
         numeric = run.bound.numeric
-        lying, first = [*numeric.closed_rows, *numeric.idle_rows], functions.kinds.first_contact
+        lying, first = numeric.lying_rows, functions.kinds.first_contact
         self.is_open = ~np.isin(first + functions.contacts, np.array(lying, dtype=np.intp))
         self.are_gaps = np.zeros(functions.kinds.numbers.size, dtype=bool)
         self.are_gaps[: self.is_open.size] = self.is_open

@@ -74,7 +74,7 @@ class SwitchEvent(Event):
             beside, numeric = run.state_at(after, y), bound.numeric
             # The wall of a closed contact may not be on the wrong side beyond, however fast it may be.
             first = len(bound.enforced.system.rows.rows)
-            closed = [i - first for i in (*numeric.closed_rows, *numeric.idle_rows)]
+            closed = [i - first for i in numeric.lying_rows]
             (g, G, g_t), (g_beyond, G_beyond, g_t_beyond) = (
                 [np.array(each)[closed] for each in numeric.contacts(s.t, s.q, s.v, s.p)[:3]]
                 for s in (here, beside)

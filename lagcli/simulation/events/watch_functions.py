@@ -40,7 +40,7 @@ class WatchFunctions:
         C, K = len(system.rows.rows), system.contacts.count
         self._numeric, self._method, self._system = numeric, method, system
         self._closed = [i - C for i in numeric.closed_rows]
-        self._idle = [i - C for i in numeric.idle_rows]
+        self._idle = [i - C for i in numeric.selection.idle_rows]
         self._open = sorted(set(range(K)) - {*self._closed, *self._idle})
         self._has_switches = numeric.switches.size > 0
         order = range(K) if self._has_switches else [*self._open, *self._closed, *self._idle]
