@@ -156,8 +156,8 @@ class Factored(SystemFunctions):
         parts = self._parts
         other = parts.MB if B is parts.B_independent else parts.inertia(B.T)
         before = SizedFunction("before", inputs, [B, other, r])
-        rows, other, right = before(*given)
-        return ca.solve(ca.mtimes(rows, other), right, SOLVER)
+        rows, spread, right = before(*given)
+        return ca.solve(ca.mtimes(rows, spread), right, SOLVER)
 
     @cached_property
     def rhs(self) -> ca.Function:
