@@ -59,14 +59,10 @@ def charts(system: System, written: Sequence[invariant.LevelFunction]) -> Charts
             values[name] = value
     values |= {name: s.q[i] for i, name in enumerate(system.model.coordinate_names)}
 
-    def atom(node: tree.Name | tree.Member | tree.Index) -> Value:
+    def atom(node: tree.Reference) -> Value:
         """A name, a component, or a member of a family with its indices as numbers."""
-        if isinstance(node, tree.Name):
-            name = node.name
-        else:
-            indices = node.indices if isinstance(node, tree.Index) else ()
-            name = family.name(node.owner, (int(integers.evaluate(i, unknown)) for i in indices))
-            name += f".{node.member}" if node.member else ""
+        name = family.name(node.owner, (int(integers.evaluate(i, unknown)) for i in node.indices))
+        name += f".{node.member}" if node.member else ""
         if name not in values:
             raise UnknownName(name)
         return values[name]

@@ -129,16 +129,16 @@ class _OrderAlgebra:
     def number(self, node: tree.Number) -> MotionOrder:
         return MotionOrder(None, float(node.text))
 
-    def atom(self, node: tree.Name | tree.Member | tree.Index) -> evaluate.Value[MotionOrder]:
-        if isinstance(node, tree.Name):
-            return _CONSTANT if node.name in self._variables else self._names.value(node.name, "")
+    def atom(self, node: tree.Reference) -> evaluate.Value[MotionOrder]:
+        if isinstance(node, tree.Name) and node.name in self._variables:
+            return _CONSTANT
         return self._names.value(node.owner, node.member)
 
     def special(self, node: tree.Call) -> evaluate.Value[MotionOrder]:
         argument = node.arguments[0]
         if node.function == "d":
             return evaluate.value(argument, self)
-        assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
+        assert isinstance(argument, tree.Reference)
         return self.atom(argument)
 
     def add(self, node: tree.Node, left: MotionOrder, sign: int, right: MotionOrder) -> MotionOrder:

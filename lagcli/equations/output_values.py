@@ -72,11 +72,9 @@ class DependentForces:
         )
         self._known: dict[str, _Gradient] = {}
 
-    def gradients(
-        self, numbers: Integers, wanted: Sequence[rows.Row], node: tree.Name | tree.Member | tree.Index
-    ) -> Triple:
+    def gradients(self, numbers: Integers, wanted: Sequence[rows.Row], node: tree.Reference) -> Triple:
         """df_i/dr_k of rows and dependent particles (K,). Raises `ExpressionError` where that is not determined."""
-        env, base = self._environment, node.name if isinstance(node, tree.Name) else node.owner
+        env, base = self._environment, node.owner
         gradient, count = self._of(base), env.dependent.size
         rank = np.searchsorted(env.dependent, numbers)
         row = np.array([gradient.rows[one.name] for one in wanted], dtype=np.int64)
@@ -198,17 +196,15 @@ class OutputValues:
         env = self._environment
         names, particles, accelerations = env.names, env.particles, self._solved.accelerations
         if not isinstance(node, tree.Call):
-            assert isinstance(node, (tree.Name, tree.Member, tree.Index))
+            assert isinstance(node, tree.Reference)
             if not isinstance(node, tree.Name) and node.owner in particles:
                 found = accelerations.vectors(names.numbers(node, particles, variables))
                 return found["xyz".index(node.member[1])] if len(node.member) == 2 else found
             parts = self._outputs.take(names.numbers(node, self._member_index, variables))
             return (parts[0], parts[1], parts[2]) if len(parts) == 3 else parts[0]
         argument = node.arguments[0]
-        assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
-        owner, member = (
-            (argument.name, "") if isinstance(argument, tree.Name) else (argument.owner, argument.member)
-        )
+        assert isinstance(argument, tree.Reference)
+        owner, member = argument.owner, argument.member
         if node.function == "multiplier":
             # lambda of a row, or of the three of a vector equation.
             laws = names.names(argument, variables)
@@ -226,13 +222,13 @@ class OutputValues:
         if len(node.arguments) == 1:
             return self._solved.R.vectors(numbers)
         law = node.arguments[1]
-        assert isinstance(law, (tree.Name, tree.Member, tree.Index))
+        assert isinstance(law, tree.Reference)
         return self._part(numbers, law, variables)
 
     def _part(self, numbers: Integers, law: Reference, variables: Mapping[str, Integers]) -> Triple:
         """sum_i lambda_i B_ik over the rows of a constraint, of particles (K,), or of one for each of K constraints."""
         names = self._environment.names.names(law, variables)
-        suffix = "" if isinstance(law, tree.Name) or not law.member else f".{law.member}"
+        suffix = f".{law.member}" if law.member else ""
         # All rows of a constraint, or the one that is named.
         wanted = [[self._row(law, name + suffix)] if suffix else self._of_constraint[name] for name in names]
         count = max(len(wanted), numbers.size)

@@ -99,7 +99,7 @@ class SymbolicAlgebra(Operators[ca.SX]):
 
     def __init__(
         self,
-        atom: Callable[[tree.Name | tree.Member | tree.Index], evaluate.Value[ca.SX]],
+        atom: Callable[[tree.Reference], evaluate.Value[ca.SX]],
         special: Callable[[tree.Call, SymbolicAlgebra], evaluate.Value[ca.SX]],
         fixed: Callable[[ca.SX], float | None],
     ) -> None:

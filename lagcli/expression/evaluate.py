@@ -6,6 +6,7 @@ here once, in terms of the algebra's scalar operations.
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Callable, Collection
 from typing import Generic, Protocol, Self, TypeAlias, TypeVar
@@ -15,6 +16,7 @@ from lagcli.expression import functions, hints, tree
 from lagcli.expression.tree import ExpressionError
 
 S = TypeVar("S")
+R = TypeVar("R")
 Triple = tuple[S, S, S]
 Value: TypeAlias = S | tuple[S, S, S]  # a vector or a scalar
 Operation = Callable[[tree.Node, S, S], S]
@@ -43,7 +45,7 @@ class Algebra(Protocol[S]):
 
     def number(self, node: tree.Number) -> S: ...
 
-    def atom(self, node: tree.Name | tree.Member | tree.Index) -> Value[S]: ...
+    def atom(self, node: tree.Reference) -> Value[S]: ...
 
     def special(self, node: tree.Call) -> Value[S]: ...
 
@@ -87,12 +89,21 @@ def difference(relation: tree.Relation, algebra: Algebra[S]) -> tuple[S, ...]:
     return result if isinstance(result, tuple) else (result,)
 
 
+def each(function: Callable[[S], R], value: Value[S]) -> Value[R]:
+    """A function of a scalar, or of each component of a vector."""
+    if isinstance(value, tuple):
+        x, y, z = map(function, value)
+        return x, y, z
+    return function(value)
+
+
 def component(node: tree.Node, value: Value[S], member: str, owner: str) -> S:
     """`.x`, `.y` or `.z` of a vector."""
     if member not in COMPONENTS:
         message = f"`{owner}` has no component `{member}`"
-        hint = "components are `.x` `.y` `.z`"
-        raise ExpressionError("unknown-component", message, node.start, node.end, hint)
+        raise ExpressionError(
+            "unknown-component", message, node.start, node.end, "components are `.x` `.y` `.z`"
+        )
     if not isinstance(value, tuple):
         message = f"`{owner}` is a scalar and has no component `{member}`"
         raise ExpressionError("not-a-vector", message, node.start, node.end)
@@ -167,11 +178,7 @@ class _Walk(Generic[S]):
         sign, first = node.terms[0]
         total = self.value(first)
         if sign < 0:
-            if isinstance(total, tuple):
-                x, y, z = (self._algebra.negate(node, u) for u in total)
-                total = x, y, z
-            else:
-                total = self._algebra.negate(node, total)
+            total = each(functools.partial(self._algebra.negate, node), total)
         plain = self._algebra.add
         for sign, term in itertools.islice(node.terms, 1, None):
             value = self.value(term)
@@ -210,34 +217,30 @@ class _Walk(Generic[S]):
         return operation(node, value, by)
 
     def _call(self, node: tree.Call) -> Value[S]:
-        name = node.function
+        name, given = node.function, len(node.arguments)
         if name in self._own:
             return self._algebra.special(node)
         if name in SPECIAL_FUNCTIONS:
-            self._count(node, *SPECIAL_FUNCTIONS[name])
-            return self._algebra.special(node)
-        if name in VECTOR_FUNCTIONS:
-            self._count(node, VECTOR_FUNCTIONS[name])
-            return self._vector_function(node, name, [self.vector(a) for a in node.arguments])
-        if name in functions.TABLE:
-            wanted = functions.TABLE[name].arguments
-            if wanted != functions.MANY or not node.arguments:
-                self._count(node, wanted or 2)
-            return self._algebra.function(node, name, tuple(self.scalar(a) for a in node.arguments))
-        raise unknown_function(node)
-
-    @staticmethod
-    def _count(node: tree.Call, least: int, most: int = 0) -> None:
-        """Raise where the number of arguments is not between `least` and `most`, by default exactly `least`."""
-        most = max(least, most)
-        given = len(node.arguments)
+            least, most = SPECIAL_FUNCTIONS[name]
+        elif name in VECTOR_FUNCTIONS:
+            least = most = VECTOR_FUNCTIONS[name]
+        elif name in functions.TABLE:
+            # One argument of many is enough, and two are asked for where there is none.
+            least = most = functions.TABLE[name].arguments or given or 2
+        else:
+            raise unknown_function(node)
         if not least <= given <= most:
             plural = "argument" if most == 1 else "arguments"
             wanted = f"{least}" if least == most else f"{least} or {most}"
             counted = {0: "none was", 1: "1 was"}.get(given, f"{given} were")
-            message = f"`{node.function}` takes {wanted} {plural}, but {counted} given"
-            hint = diagnostics.meant("arguments of functions").get(node.function, "")
+            message = f"`{name}` takes {wanted} {plural}, but {counted} given"
+            hint = diagnostics.meant("arguments of functions").get(name, "")
             raise ExpressionError("wrong-arguments", message, node.start, node.end, hint)
+        if name in SPECIAL_FUNCTIONS:
+            return self._algebra.special(node)
+        if name in VECTOR_FUNCTIONS:
+            return self._vector_function(node, name, [self.vector(a) for a in node.arguments])
+        return self._algebra.function(node, name, tuple(self.scalar(a) for a in node.arguments))
 
     def _vector_function(self, node: tree.Node, name: str, vectors: list[Triple[S]]) -> Value[S]:
         algebra = self._algebra

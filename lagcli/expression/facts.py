@@ -1,8 +1,7 @@
 """The facts about an expression known before any dynamics: its value if constant, what it reads, its degree.
 
-This is one more algebra for `evaluate`. It finds what is wrong with a formula and where: a name that is not
-known or not allowed, a constant that is not finite, a differential that enters nonlinearly.
-A constant of a family is an array with one entry for each member; an error names the first that it is of.
+One more algebra for `evaluate`, which finds what is wrong with a formula and where. A constant of a family is an array
+with one entry for each member; an error names the first that it is of.
 """
 
 from __future__ import annotations
@@ -39,10 +38,9 @@ OUTPUT: frozenset[Flag] = MOTION | {"acceleration", "result"}
 
 @dataclasses.dataclass(slots=True, eq=False)
 class Facts:
-    """About a scalar: `value` if it depends on parameters and indices only (a float, or an array of shape
-    (K,) for the K members of a family), what it `reads`, and its lowest and highest degree in differentials
-    and velocities (`low`, `high`). Never changed once made (see `tree` on why it is not declared frozen),
-    and equal to itself alone."""
+    """About a scalar: its `value` if that depends on parameters and indices only (a float, or an array of shape (K,)
+    for the K members of a family), what it `reads`, and its lowest and highest degree in differentials and velocities
+    (`low`, `high`). Never changed once made (see `tree`), and equal to itself alone."""
 
     value: Value | None = None
     reads: frozenset[Flag] = NOTHING
@@ -65,12 +63,9 @@ FLAG_ERRORS: dict[str, tuple[str, str]] = {
 
 
 class FactsAlgebra:
-    """Facts as an algebra.
-
-    lookup: gives the facts of a name; allowed: what the expression may read; subject: how the error calls
-    the expression ("a potential"); linear: whether degrees above one in differentials are errors; text: the
-    expression as it is written, of which that error quotes the term.
-    """
+    """lookup: gives the facts of a name; allowed: what the expression may read; subject: how the error calls the
+    expression ("a potential"); linear: whether degrees above one in differentials are errors; text: the expression as
+    it is written, of which that error quotes the term."""
 
     def __init__(
         self,
@@ -96,7 +91,7 @@ class FactsAlgebra:
             known = self._numbers[node.text] = Facts(value)
         return known
 
-    def atom(self, node: tree.Name | tree.Member | tree.Index) -> Either:
+    def atom(self, node: tree.Reference) -> Either:
         return self._leaf(node, self.lookup(node))
 
     def special(self, node: tree.Call) -> Either:
@@ -106,10 +101,7 @@ class FactsAlgebra:
             self._refuse(node, _differential_of(Facts()))
         inner = FactsAlgebra(self.lookup, POSITION, "a differential `d(...)` is of positions and time; it")
         value = evaluate.value(node.arguments[0], inner)
-        if isinstance(value, tuple):
-            x, y, z = map(_differential_of, value)
-            return self._leaf(node, (x, y, z))
-        return self._leaf(node, _differential_of(value))
+        return self._leaf(node, evaluate.each(_differential_of, value))
 
     def _leaf(self, node: tree.Node, value: Either) -> Either:
         for part in value if isinstance(value, tuple) else (value,):
@@ -268,18 +260,15 @@ def constant(fact: Facts) -> Value:
 def _written(node: tree.Node) -> str:
     """A name, or a call of a name, as it is written."""
     match node:
-        case tree.Name():
-            return node.name
-        case tree.Member():
-            return f"{node.owner}.{node.member}"
+        case tree.Name() | tree.Member():
+            return f"{node.owner}.{node.member}" if node.member else node.owner
+        case tree.Index():
+            return f"{node.owner}[...]"
         case tree.Call():
             return f"{node.function}({', '.join(map(_written, node.arguments))})"
         case tree.Number():
             return node.text
-        case tree.Index():
-            return f"{node.owner}[...]"
-        case _:
-            return "..."
+    return "..."
 
 
 def _differential_of(part: Facts) -> Facts:

@@ -97,7 +97,7 @@ class _ExactAlgebra:
         is_exact = node.text.isdecimal() and value <= LIMIT
         return _integers(node, int(node.text.lstrip("0") or "0") if is_exact else value)
 
-    def atom(self, node: tree.Name | tree.Member | tree.Index) -> Exact:
+    def atom(self, node: tree.Reference) -> Exact:
         assert isinstance(node, tree.Name)
         return _integers(node, self._lookup(node))
 

@@ -62,6 +62,13 @@ class Name(Node):
     """A name that stands alone: parameter, coordinate, particle, definition, `t`, `pi` ..."""
 
     name: str
+    indices = ()
+    member = ""
+
+    @property
+    def owner(self) -> str:
+        """The name, as of what has indices or a member."""
+        return self.name
 
 
 @dataclasses.dataclass(slots=True, eq=False, repr=False)
@@ -70,6 +77,7 @@ class Member(Node):
 
     owner: str
     member: str
+    indices = ()
 
 
 @dataclasses.dataclass(slots=True, eq=False, repr=False)
@@ -79,6 +87,9 @@ class Index(Node):
     owner: str
     indices: tuple[Node, ...]
     member: str
+
+
+Reference = Name | Member | Index
 
 
 @dataclasses.dataclass(slots=True, eq=False, repr=False)
@@ -207,13 +218,7 @@ def walk(node: Node) -> Iterator[Node]:
 
 def names(node: Node) -> set[str]:
     """The names an expression refers to (functions are no names)."""
-    found = set()
-    for part in walk(node):
-        if isinstance(part, Name):
-            found.add(part.name)
-        elif isinstance(part, (Member, Index)):
-            found.add(part.owner)
-    return found
+    return {part.owner for part in walk(node) if isinstance(part, Reference)}
 
 
 def words(node: Node) -> frozenset[str]:
@@ -223,7 +228,7 @@ def words(node: Node) -> frozenset[str]:
     for part in walk(node):
         if isinstance(part, Name):
             found.add(part.name)
-        elif isinstance(part, (Member, Index)):
+        elif isinstance(part, Reference):
             found.update((part.owner, f".{part.member}"))
         elif isinstance(part, Call):
             found.add(f"{part.function}(")

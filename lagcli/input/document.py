@@ -300,7 +300,7 @@ class _Document:
         self, name: str, expression: model.Expression | None, order: Mapping[str, int]
     ) -> Callable[[], facts.Either | None]:
         def lookup(node: tree.Node) -> facts.Either:
-            used = str(getattr(node, "owner", getattr(node, "name", "")))
+            used = str(getattr(node, "owner", ""))
             if used in order and order[used] >= order[name]:
                 message = f"the definition `{used}` is used before it is declared"
                 raise ExpressionError("used-before-declared", message, node.start, node.end)
@@ -403,12 +403,11 @@ def _degree_notes(
                 what = number = part.text
                 location = expression.origin.locate(part.start, part.end)
             else:
-                name_of_part = part.owner if isinstance(part, tree.Index) else part.name
-                known = large.pop(name_of_part, None)  # noted once
+                known = large.pop(part.owner, None)  # noted once
                 if known is None:
                     continue
                 number, location = known.value.strip(), known.location
-                what = f"{name_of_part} = {number}"
+                what = f"{part.owner} = {number}"
             shown = expression.origin.value[call.start : call.end]
             message = f"`{what}` is more than a full turn in radians, and `{shown}` takes it as an angle"
             hint = f"if degrees are meant, write `{number}*deg`"

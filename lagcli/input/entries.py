@@ -279,7 +279,7 @@ def _reference(
 ) -> Named | None:
     try:
         written = parser.parse_reference(name.value)
-        base = written.owner if isinstance(written, tree.Index) else written.name
+        base = written.owner
         kind = formulas.scope.names.kind(base)
         if kind not in kinds:
             known = [*formulas.scope.names.of(*kinds), *(("all",) if everything else ())]

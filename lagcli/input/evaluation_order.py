@@ -151,10 +151,8 @@ class _Members:
                     if other is not None and other in group:
                         found.append(((number, k), {(other, target - self._member_index.first(entry))}))
             elif isinstance(node, (tree.Name, tree.Member)):
-                name = node.name if isinstance(node, tree.Name) else node.owner
-                others = {
-                    (n, 0) for n in self.by_name.get(name, ()) if n in group and self.units[n].count == 1
-                }
+                named = self.by_name.get(node.owner, ())
+                others = {(n, 0) for n in named if n in group and self.units[n].count == 1}
                 if others:
                     found += [((number, k), others) for k in range(unit.count)]
         return found

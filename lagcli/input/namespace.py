@@ -282,7 +282,7 @@ class Indexed:
 
         The base name must be one of a particle or coordinate. Raises `ExpressionError`.
         """
-        base = node.owner if isinstance(node, tree.Index) else node.name
+        base = node.owner
         kind = self._names.kind(base)
         assert kind in namespace.NUMBERED, base
         if self._names.is_broken(base):

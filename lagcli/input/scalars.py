@@ -165,7 +165,7 @@ class Formulas:
         waiting = [expression.tree]
         while waiting:
             node = waiting.pop()
-            if isinstance(node, (tree.Name, tree.Member, tree.Index)):
+            if isinstance(node, tree.Reference):
                 try:
                     lookup(node)
                 except ExpressionError as error:

@@ -78,11 +78,11 @@ class LawNames:
 
         Where these are asked for no result is allowed, and that is reported.
         """
-        name = str(getattr(argument, "owner", getattr(argument, "name", "")))
+        name = _owner(argument)
         law = self._laws.get(name)
         if law is not None and law.is_broken:
             raise namespace.broken(argument)
-        if law is None or not isinstance(argument, (tree.Name, tree.Member, tree.Index)):
+        if law is None or not isinstance(argument, tree.Reference):
             hint = diagnostics.nearest(name, self._laws)
             if not hint and self._laws:
                 hint = "the constraints are " + diagnostics.listed(self._laws)
@@ -287,7 +287,7 @@ class Scope:
 
 
 def _owner(node: tree.Node) -> str:
-    return str(getattr(node, "owner", getattr(node, "name", "")))
+    return str(getattr(node, "owner", ""))
 
 
 def _names_particle(argument: tree.Node) -> bool:

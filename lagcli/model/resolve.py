@@ -13,7 +13,7 @@ from lagcli.model import family
 from lagcli.model.family import Integers, MemberIndex
 from lagcli.model.model import Model
 
-Reference = tree.Name | tree.Member | tree.Index
+Reference = tree.Reference
 Variables = Mapping[str, Any]  # index variables: each a number, or a vector (K,) over the members of a family
 S = TypeVar("S")
 Results = Callable[[tree.Node, Variables], Value[S]]
@@ -40,19 +40,17 @@ class ModelNames:
 
     def numbers(self, node: Reference, member_index: MemberIndex, variables: Variables) -> Integers:
         """The numbers of the members a reference stands for, (1,) or (K,)."""
-        if isinstance(node, tree.Index):
-            return member_index.find(node.owner, self._indices(node, variables))
-        return member_index.find(node.owner if isinstance(node, tree.Member) else node.name, ())
+        return member_index.find(node.owner, self._indices(node, variables))
 
     def names(self, node: Reference, variables: Variables) -> list[str]:
         """The names of what a reference stands for, one for each member, without a component."""
-        if not isinstance(node, tree.Index):
-            return [node.name if isinstance(node, tree.Name) else node.owner]
+        if not node.indices:
+            return [node.owner]
         vectors = np.broadcast_arrays(*(np.atleast_1d(i) for i in self._indices(node, variables)))
         indices = zip(*(vector.tolist() for vector in vectors), strict=True)
         return [family.name(node.owner, index) for index in indices]
 
-    def _indices(self, node: tree.Index, variables: Variables) -> list[int | Integers]:
+    def _indices(self, node: Reference, variables: Variables) -> list[int | Integers]:
         def lookup(name: tree.Name) -> float | Integers:
             return variables[name.name] if name.name in variables else self._numbers[name.name]
 
@@ -125,20 +123,14 @@ class Resolver(Generic[S]):
         """`d`, `rate`, `multiplier`, `reaction`; `algebra` is the one that asks."""
         argument, leaves = node.arguments[0], self._leaves
         if node.function == "d":
-            value = evaluate.value(argument, algebra)
-            if not isinstance(value, tuple):
-                return leaves.differential(value)
-            x, y, z = map(leaves.differential, value)
-            return x, y, z
+            return evaluate.each(leaves.differential, evaluate.value(argument, algebra))
         if node.function != "rate" or is_second(node):
             return self._result(node)
-        assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
-        owner = argument.name if isinstance(argument, tree.Name) else argument.owner
-        if owner in self._names.coordinates:
+        assert isinstance(argument, Reference)
+        if argument.owner in self._names.coordinates:
             return self._coordinate(argument, rates=True)
         velocity = leaves.velocity(self._names.numbers(argument, self._names.particles, self._variables))
-        member = "" if isinstance(argument, tree.Name) else argument.member
-        return velocity["xyz".index(member)] if member else velocity
+        return velocity["xyz".index(argument.member)] if argument.member else velocity
 
     def _result(self, node: tree.Node) -> Value[S]:
         assert self._results is not None, node
