@@ -41,9 +41,8 @@ def perturbed(value: Decimal, least: Decimal = ZERO) -> Decimal:
         return value
     import random  # here: `dof` and `check` load this module, and few of them perturb a number
 
-    return value + PERTURBATION * max(abs(value), least) * Decimal(
-        random.Random(str(value)).uniform(0.5, 1.5)
-    )
+    by = Decimal(random.Random(str(value)).uniform(0.5, 1.5))
+    return value + PERTURBATION * max(abs(value), least) * by
 
 
 def perturbed_constant(value: float) -> Decimal:
@@ -150,7 +149,7 @@ class _Functions:
     @staticmethod
     def sign(a: Number) -> Decimal:
         """The slope of a modulus."""
-        return PLAIN["sign"](_first(a))
+        return Decimal(PLAIN["sign"](_first(a)))
 
 
 @memory.remembered(4096)
@@ -199,16 +198,11 @@ def _where(holds: Callable[[Decimal, Decimal], bool]) -> Callable[[Number, Numbe
     return lambda a, b: Decimal(holds(_first(a), _first(b)))
 
 
-PLAIN: dict[str, Callable[[Decimal], Decimal]] = {
-    "inv": lambda a: ONE / a,
-    "sq": lambda a: a * a,
-    "twice": lambda a: a + a,
-    "assign": lambda a: a,
-    "neg": lambda a: -a,
+PLAIN: dict[str, Callable[..., Any]] = {
+    **{name: functions.OPERATIONS[name][0] for name in ("inv", "sq", "twice", "assign", "neg", "fabs")},
     "sqrt": Decimal.sqrt,
     "exp": Decimal.exp,
     "log": Decimal.ln,
-    "fabs": abs,
     "sign": lambda a: Decimal((a > 0) - (a < 0)),
     "not": lambda a: Decimal(a == 0),
 }

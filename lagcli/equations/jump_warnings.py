@@ -16,7 +16,7 @@ from lagcli.expression import functions
 from lagcli.smoothness import jump_search, named_functions
 
 # Angles have a warning of their own, `branch-cut`.
-_ANGLES = functions.named(lambda row: row.period > 0.0)
+_ANGLES = functions.named(lambda row: bool(row.period))
 CUT_HINT = (
     "write the law with `cos` and `sin` of the angle, or with the angle as a coordinate: those have no cut"
 )
@@ -35,15 +35,7 @@ def warnings(built: System) -> tuple[diagnostics.Diagnostic, ...]:
     """
     found: list[diagnostics.Diagnostic] = []
     if not all(named_functions.ANGLES.isdisjoint(e.words) for e in named_functions.expressions(built.model)):
-        at_cuts: dict[diagnostics.Location, str] = {}
-        for i, description in _cut_rows(built):
-            row = built.rows.rows[i]
-            at_cuts.setdefault(row.location, f"the row `{row.name}` {description}")
-        for j in _at_cuts(built, ca.densify(built.contacts.g)):
-            row = built.contacts.rows[j]
-            message = f"the one-sided constraint `{row.name}` jumps where `atan2` or `atan` crosses its cut"
-            at_cuts.setdefault(row.location, message)
-        for location, message in (*at_cuts.items(), *_cut_forces(built)):
+        for location, message in _cuts(built).items():
             found.append(diagnostics.Diagnostic("branch-cut", message, location, CUT_HINT, "warning"))
     if built.jumps is not None:
         state = built.model.simulation.start, *mechanics.start(built.model)
@@ -79,42 +71,38 @@ def out_of_sight(built: System) -> tuple[str, ...]:
     )
 
 
-def _cut_rows(built: System) -> Iterator[tuple[int, str]]:
-    cut = built.cuts
-    jumps = "jumps where `atan2` or `atan` crosses its cut; a run that gets there stops"
-    for i, verdict in zip(cut.rows, cut.verdicts, strict=True) if cut else ():
-        if verdict == branch_cuts.PASSED:
-            yield (
-                i,
-                "jumps by a constant where `atan2` or `atan` crosses its cut; a run goes on smoothly there and"
-                " counts the turns",
-            )
-        elif verdict == branch_cuts.JUMPS:
-            yield i, jumps
-    first, v = built.holonomic_count, built.symbols.v
-    rows = built.rows.B[first:, :] @ v + built.rows.b[first:, :]
-    for i in _at_cuts(built, ca.densify(rows)):
-        yield first + i, jumps
-
-
-def _cut_forces(built: System) -> Iterator[tuple[diagnostics.Location, str]]:
-    model = built.model
+def _cuts(built: System) -> dict[diagnostics.Location, str]:
+    """The messages of rows, one-sided constraints and the forces that jump at the cut of an angle."""
+    found: dict[diagnostics.Location, str] = {}
+    at_cut = "where `atan2` or `atan` crosses its cut"
+    ends = {
+        branch_cuts.PASSED: f"jumps by a constant {at_cut}; a run goes on smoothly there and counts the turns",
+        branch_cuts.JUMPS: f"jumps {at_cut}; a run that gets there stops",
+    }
+    cut, first = built.cuts, built.holonomic_count
+    verdicts = list(zip(cut.rows, cut.verdicts, strict=True)) if cut else []
+    differential = built.rows.B[first:, :] @ built.symbols.v + built.rows.b[first:, :]
+    verdicts += [(first + i, branch_cuts.JUMPS) for i in _at_cuts(built, ca.densify(differential))]
+    for i, verdict in verdicts:
+        if verdict in ends:
+            row = built.rows.rows[i]
+            found.setdefault(row.location, f"the row `{row.name}` {ends[verdict]}")
+    for j in _at_cuts(built, ca.densify(built.contacts.g)):
+        row = built.contacts.rows[j]
+        found.setdefault(row.location, f"the one-sided constraint `{row.name}` jumps {at_cut}")
+    model, names = built.model, built.model.coordinate_names
     hit = _at_cuts(built, ca.densify(ca.vertcat(built.dynamics.h, ca.vec(built.dynamics.M.nz[:]))))
-    if not hit:
-        return
-    names = model.coordinate_names
-    along = f"along `{names[hit[0]]}`" if hit[0] < len(names) else "of inertia"
-    expressions = [*model.force_expressions(), *([] if model.lagrangian is None else [model.lagrangian])]
-    expressions += [definition.expression for definition in model.definitions]
-    location = next(
-        (e.location for e in expressions if e.words & named_functions.ANGLES),
-        diagnostics.Location(model.path, 1, 1),
-    )
-    message = (
-        f"the force {along} jumps where `atan2` or `atan` crosses its cut; a run goes on with the force on the other"
-        " side"
-    )
-    yield location, message
+    if hit:
+        along = f"along `{names[hit[0]]}`" if hit[0] < len(names) else "of inertia"
+        expressions = [*model.force_expressions(), *([] if model.lagrangian is None else [model.lagrangian])]
+        expressions += [definition.expression for definition in model.definitions]
+        location = next(
+            (e.location for e in expressions if e.words & named_functions.ANGLES),
+            diagnostics.Location(model.path, 1, 1),
+        )
+        message = f"the force {along} jumps {at_cut}; a run goes on with the force on the other side"
+        found.setdefault(location, message)
+    return found
 
 
 def _at_cuts(built: System, value: ca.SX) -> list[int]:

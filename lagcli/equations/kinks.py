@@ -1,7 +1,6 @@
-"""The points at which `abs`, `sign`, `min` or `max` makes the gradient of a constraint jump.
+"""The points at which `abs`, `sign`, `min` or `max` makes the gradient of a constraint jump: edges of its surface.
 
-At such a point the constraint surface has an edge. The rule of multipliers needs a gradient there, and the velocity
-of a motion that goes over the edge would have to jump: an impact, which the equations (D.24) do not describe.
+The rule of multipliers needs a gradient there, and the velocity of a motion over the edge would have to jump.
 """
 
 from __future__ import annotations
@@ -22,27 +21,10 @@ Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
 
-class KinkParameters:
-    """Jumps of the gradient of a row; lengths are parts of the size of the coordinates.
-
-    The tests are of `tests/unit/test_numbers_of_rows.py`.
-    """
-
-    __slots__ = ()
-
-    farther: float = 1e-5
-    """And from farther off: what draws near as the distance shrinks is no jump.
-    `test_a_jump_is_compared_with_what_changes_farther_off` fails at 1e-6 and 0.0001."""
-
-
-PARAMETERS = KinkParameters()
-
-
 def coordinate_sizes(q: Floats, numbers: Indices, columns: Indices, count: int) -> Floats:
     """How large the coordinates of a row are, (n,): of the one with the smallest, of those that hold a coordinate.
 
-    numbers, columns (E,): which of `count` rows hold which coordinates. Beside a coordinate of another row that is
-    large a switch would seem near.
+    numbers, columns (E,): which of `count` rows hold which coordinates.
     """
     size = float(np.abs(q).max(initial=0.0)) or 1.0
     of_rows, of_coordinates = np.zeros(count), np.full(q.size, size)
@@ -76,9 +58,10 @@ class Kinks:
             np.fmin.at(sizes, columns, np.maximum(terms, flattest)[numbers] / steep)
         way = np.random.default_rng(0).standard_normal(q.size) * sizes
         here = self._slopes(t, q, p)
+        # What draws near as the distance shrinks is no jump.
         near, far = (
             np.abs(self._slopes(t, q + h * way, p) - self._slopes(t, q - h * way, p)).max(axis=1, initial=0.0)
-            for h in (doubles.ZERO, PARAMETERS.farther)
+            for h in (doubles.ZERO, doubles.STEP)
         )
         least = doubles.ROOT * (np.abs(here).max(axis=1, initial=0.0) + far)
         jumps = np.isfinite(here).all(axis=1) & sides.differ(near, far, least)

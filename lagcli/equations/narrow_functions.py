@@ -40,7 +40,7 @@ class MotionOrder:
     number: float | None = None
 
 
-_CONSTANT, _MOTION = MotionOrder(), MotionOrder(1.0)
+_CONSTANT, _MOTION = MotionOrder(), MotionOrder(1)
 
 
 class _Narrow(Exception):

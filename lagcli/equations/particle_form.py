@@ -41,16 +41,10 @@ def model(built: system.System, t: float, q: Floats, v: Floats) -> nouns.Model:
         block = slice(first, first + particle.members.count)
         particles.append(dataclasses.replace(particle, start=r[block], start_velocity=r_dot[block]))
         first = block.stop
-    coordinates, first = [], symbols.q.numel() - len(declared.generalized_names)
-    for coordinate in declared.coordinates:
-        block = slice(first, first + coordinate.members.count)
-        coordinates.append(dataclasses.replace(coordinate, value=q[block], rate=v[block]))
-        first = block.stop
     return dataclasses.replace(
-        declared,
+        system.started_at(declared, q, v),
         fingerprint=f"{declared.fingerprint} freed",
         particles=tuple(particles),
-        coordinates=tuple(coordinates),
         simulation=dataclasses.replace(declared.simulation, start=t, assemble=False, keep=()),
         warnings=(),
     )

@@ -1,8 +1,8 @@
 """Power series of what expressions are along a motion: their Taylor coefficients, operation by operation.
 
 The recurrences are those of automatic differentiation (Griewank and Walther, Evaluating Derivatives, 2nd ed.,
-chapter 13); beside each coefficient goes the size of its terms, for terms may cancel. A series has as many coefficients
-as are known: one that says nothing is empty. Where a function switches, the branch is that of the time just after.
+chapter 13); beside each coefficient goes the size of its terms, for terms may cancel. A series that says nothing is
+empty. Where a function switches, the branch is that of the time just after.
 """
 
 from __future__ import annotations
@@ -295,17 +295,13 @@ def _angle(y: PowerSeries, x: PowerSeries) -> PowerSeries:
     """atan2(y, x), of the turned quotient that has a divisor."""
     value = float(np.arctan2(y.c[0], x.c[0]))
     if abs(x.c[0]) >= abs(y.c[0]):
-        return _shifted_to(_arctangent(_quotient(y, x)), value)
-    return _shifted_to(_scaled(_arctangent(_quotient(x, y)), -1.0), value)
-
-
-def _shifted_to(a: PowerSeries, value: float) -> PowerSeries:
-    """The series with another value at the instant."""
+        a = _arctangent(_quotient(y, x))
+    else:
+        a = _scaled(_arctangent(_quotient(x, y)), -1)
     if not a.known:
         return NOTHING
-    return PowerSeries(
-        np.concatenate([[value], a.c[1:]]), np.concatenate([a.size[:1] + abs(value), a.size[1:]])
-    )
+    size = np.concatenate([a.size[:1] + abs(value), a.size[1:]])
+    return PowerSeries(np.concatenate([[value], a.c[1:]]), size)
 
 
 def _arctangent(a: PowerSeries) -> PowerSeries:
@@ -317,9 +313,9 @@ def _arctangent(a: PowerSeries) -> PowerSeries:
 _RULES: dict[int, Callable[..., PowerSeries]] = {
     ca.OP_ASSIGN: lambda a: a,
     ca.OP_ADD: _sum,
-    ca.OP_SUB: lambda a, b: _sum(a, b, -1.0),
-    ca.OP_NEG: lambda a: _scaled(a, -1.0),
-    ca.OP_TWICE: lambda a: _scaled(a, 2.0),
+    ca.OP_SUB: lambda a, b: _sum(a, b, -1),
+    ca.OP_NEG: lambda a: _scaled(a, -1),
+    ca.OP_TWICE: lambda a: _scaled(a, 2),
     ca.OP_MUL: product,
     ca.OP_SQ: _square,
     ca.OP_DIV: _quotient,
@@ -335,8 +331,8 @@ _RULES: dict[int, Callable[..., PowerSeries]] = {
     ca.OP_SINH: lambda a: _wave(a, is_hyperbolic=True)[0],
     ca.OP_COSH: lambda a: _wave(a, is_hyperbolic=True)[1],
     ca.OP_TANH: _tanh,
-    ca.OP_ASIN: lambda a: _arc(a, 1.0),
-    ca.OP_ACOS: lambda a: _arc(a, -1.0),
+    ca.OP_ASIN: lambda a: _arc(a, 1),
+    ca.OP_ACOS: lambda a: _arc(a, -1),
     ca.OP_ATAN: _arctangent,
     ca.OP_ATAN2: _angle,
 }

@@ -30,14 +30,14 @@ class Function:
     """A function of scalars.
 
     name: in the model format; arguments: how many, or `MANY`.
-    value: of floats, with the errors of `math` where there is none; array: the same of NumPy arrays, where it is nan or
-    infinite there; range: the word of its rule in `intervals`; slope: the derivative, by each argument where it has
-    two, of `sin`, `cos`, `sinh`, `cosh`, `sqrt` and `sign` of such numbers, the arguments and the value.
+    value: of floats, with the errors of `math`; array: of NumPy arrays, nan or infinite there; range: the word of its
+    rule in `intervals`; slope: the derivative, by each argument where it has two, of `sin`, `cos`, `sinh`, `cosh`,
+    `sqrt` and `sign` of such numbers, the arguments and the value.
     operation: its name in CasADi, and so in a `Program`; casadi: what it is made of there, where it is no operation.
     sympy: what it is there; written: its name in derived equations; has_latex: it has a command of this name in LaTeX.
 
     dimension: of the value as a power of that of the argument, 0 where it is a number; angle: what of it is one.
-    bounds: least and largest value; domain: least and largest argument, where it has a value at both.
+    domain: least and largest argument, where it has a value at both.
     far: what it makes of an argument that grows: a number, no more than a root or a logarithm of it, an exponential, or
     another value in a narrow range only.
     edge: what happens where it is not smooth, in words.
@@ -62,7 +62,6 @@ class Function:
     has_latex: bool = False
     dimension: float = 0.0
     angle: Literal["", "argument", "value"] = ""
-    bounds: tuple[float, float] = (-math.inf, math.inf)
     domain: tuple[float, float] | None = None
     far: Literal["narrow", "bounded", "root", "exponential"] = "narrow"
     edge: str = ""
@@ -77,23 +76,19 @@ class Function:
     is_elementary: bool = True
 
 
-_UNIT = (-1.0, 1.0)  # the values of a sine, and the arguments of its inverse
-
-
-def _sign(value: float) -> float:
-    return math.copysign(1.0, value) if value else 0.0
+_UNIT = (-1, 1)  # the arguments of an arcsine
 
 
 ROWS = (
     Function(
         "sin", math.sin, np.sin, "sine",
         slope=lambda of, x, y: of.cos(x),
-        has_latex=True, angle="argument", bounds=_UNIT, far="bounded", is_total=True, is_entire=True,
+        has_latex=True, angle="argument", far="bounded", is_total=True, is_entire=True,
     ),
     Function(
         "cos", math.cos, np.cos, "cosine",
         slope=lambda of, x, y: -of.sin(x),
-        has_latex=True, angle="argument", bounds=_UNIT, far="bounded", is_total=True, is_entire=True,
+        has_latex=True, angle="argument", far="bounded", is_total=True, is_entire=True,
     ),
     Function(
         "tan", math.tan, np.tan, "tangent",
@@ -103,19 +98,19 @@ ROWS = (
     Function(
         "asin", math.asin, np.arcsin, "rises",
         slope=lambda of, x, y: 1 / of.sqrt(1 - x * x),
-        written="arcsin", has_latex=True, angle="value", bounds=(-math.pi / 2, math.pi / 2), domain=_UNIT,
+        written="arcsin", has_latex=True, angle="value", domain=_UNIT,
         far="bounded", edge="`asin` comes to an end of its range", may_be_steep=True,
     ),
     Function(
         "acos", math.acos, np.arccos, "falls",
         slope=lambda of, x, y: -1 / of.sqrt(1 - x * x),
-        written="arccos", has_latex=True, angle="value", bounds=(0.0, math.pi), domain=_UNIT,
+        written="arccos", has_latex=True, angle="value", domain=_UNIT,
         far="bounded", edge="`acos` comes to an end of its range", may_be_steep=True,
     ),
     Function(
         "atan", math.atan, np.arctan, "rises",
         slope=lambda of, x, y: 1 / (1 + x * x),
-        written="arctan", has_latex=True, angle="value", bounds=(-math.pi / 2, math.pi / 2),
+        written="arctan", has_latex=True, angle="value",
         edge="the argument of `atan` goes through infinity", jumps="infinity", period=math.pi, may_jump=True,
         may_be_steep=True, is_total=True,
     ),
@@ -127,17 +122,17 @@ ROWS = (
     Function(
         "cosh", math.cosh, np.cosh, "rises both ways",
         slope=lambda of, x, y: of.sinh(x),
-        has_latex=True, bounds=(1.0, math.inf), far="exponential", is_entire=True,
+        has_latex=True, far="exponential", is_entire=True,
     ),
     Function(
         "tanh", math.tanh, np.tanh, "rises",
         slope=lambda of, x, y: 1 - y * y,
-        has_latex=True, bounds=_UNIT, may_jump=True, is_total=True,
+        has_latex=True, may_jump=True, is_total=True,
     ),
     Function(
         "exp", math.exp, np.exp, "rises",
         slope=lambda of, x, y: y,
-        has_latex=True, bounds=(0.0, math.inf), is_entire=True,
+        has_latex=True, is_entire=True,
     ),
     Function(
         "log", math.log, np.log, "logarithm",
@@ -147,7 +142,7 @@ ROWS = (
     Function(
         "sqrt", math.sqrt, np.sqrt, "root",
         slope=lambda of, x, y: 1 / (2 * y),
-        dimension=0.5, bounds=(0.0, math.inf), far="root", may_jump=True, may_be_steep=True, is_elementary=False,
+        dimension=0.5, far="root", may_jump=True, may_be_steep=True, is_elementary=False,
     ),
     Function(
         "abs", abs, np.abs, "size",
@@ -156,15 +151,15 @@ ROWS = (
         is_piecewise=True, may_jump=True, may_be_steep=True, is_total=True,
     ),
     Function(
-        "sign", _sign, np.sign, "sign",
+        "sign", lambda x: math.copysign(1, x) if x else 0.0, np.sign, "sign",
         slope=lambda of, x, y: 0,
-        bounds=_UNIT, edge="`sign` switches", is_piecewise=True, jumps="zero", may_jump=True, may_be_steep=True,
+        edge="`sign` switches", is_piecewise=True, jumps="zero", may_jump=True, may_be_steep=True,
         is_total=True, is_elementary=False,
     ),
     Function(
         "atan2", math.atan2, np.arctan2, "angle", 2,
         slope=lambda of, y, x, f: (x / (x * x + y * y), -y / (x * x + y * y)),
-        angle="value", bounds=(-math.pi, math.pi), far="bounded", edge="`atan2` crosses its cut", jumps="zero",
+        angle="value", far="bounded", edge="`atan2` crosses its cut", jumps="zero",
         period=2 * math.pi, may_jump=True, may_be_steep=True,
     ),
     Function(
@@ -191,7 +186,7 @@ OPERATIONS: dict[str, tuple[Callable[[float], float], Computed]] = {
         for row in TABLE.values()
         if row.arguments == 1 and row.slope and not row.casadi
     },
-    "inv": (lambda x: 1.0 / x, lambda of, x, y: -y * y),
+    "inv": (lambda x: 1 / x, lambda of, x, y: -y * y),
     "sq": (lambda x: x * x, lambda of, x, y: 2 * x),
     "twice": (lambda x: x + x, lambda of, x, y: 2),
     "assign": (lambda x: x, lambda of, x, y: 1),
@@ -211,11 +206,7 @@ class SlopeSizes:
     """Functions of floats for the size of a slope, which is that of either side where it jumps."""
 
     sin, cos, sinh, cosh, sqrt = math.sin, math.cos, math.sinh, math.cosh, math.sqrt
-
-    @staticmethod
-    def sign(_: float) -> float:
-        """The size of the slope of a modulus."""
-        return 1.0
+    sign = staticmethod(lambda _: 1)
 
 
 def named(wanted: Callable[[Function], bool]) -> frozenset[str]:

@@ -1,11 +1,9 @@
 """Interval arithmetic: the values an expression can take while what it is made of goes through ranges.
 
-A range is a pair of numbers of one kind (low, high). The rules are written once, for operations by their names in a
-`Program` and for the functions of the language; a kind of numbers says what least, largest, a choice and rounding are.
-Every operation rounds outwards, by more than two libraries of elementary functions differ. Where a function has a pole
-or no value, and where an operation is not known, the range is everything. Ranges are infinite where there are no
-bounds, and no value is.
-R. E. Moore, Interval Analysis (1966).
+The rules are written once, for operations by their names in a `Program` and for the functions of the language; a kind
+of numbers says what least, largest, a choice and rounding are. Every operation rounds outwards, by more than two
+libraries of elementary functions differ. Where there is a pole or no value, and where an operation is not known, the
+range is everything. R. E. Moore, Interval Analysis (1966).
 """
 
 from __future__ import annotations
@@ -226,30 +224,17 @@ _RULES: dict[str, Callable[..., Ends]] = {
 }
 
 
-def _rising(of: Intervals, row: Function, a: Ends) -> Ends:
-    a = _within(of, row, a)
-    return of.wide(of.call(row, a[0]), of.call(row, a[1]))
-
-
-def _falling(of: Intervals, row: Function, a: Ends) -> Ends:
-    a = _within(of, row, a)
-    return of.wide(of.call(row, a[1]), of.call(row, a[0]))
-
-
-def _within(of: Intervals, row: Function, a: Ends) -> Ends:
-    """A range of arguments: beyond those that there are by rounding is no fault of it."""
-    if row.domain is None:
-        return a
-    low, high = row.domain
-    return of.least(of.largest(a[0], low), high), of.least(of.largest(a[1], low), high)
+def _rising(of: Intervals, row: Function, a: Ends, falls: bool = False) -> Ends:
+    """A function that rises, or falls; arguments that are beyond its domain by rounding are at the end of it."""
+    if row.domain is not None:
+        low, high = row.domain
+        a = of.least(of.largest(a[0], low), high), of.least(of.largest(a[1], low), high)
+    first, last = (a[1], a[0]) if falls else a
+    return of.wide(of.call(row, first), of.call(row, last))
 
 
 def _logarithm(of: Intervals, row: Function, a: Ends) -> Ends:
     return of.wide(of.where(a[0] > 0.0, of.call(row, a[0]), -of.most), of.call(row, a[1]))
-
-
-def _root(of: Intervals, row: Function, a: Ends) -> Ends:
-    return of.wide(of.call(row, of.largest(a[0], 0.0)), of.call(row, a[1]))
 
 
 def _tangent(of: Intervals, row: Function, a: Ends) -> Ends:
@@ -267,13 +252,13 @@ def _angle(of: Intervals, row: Function, y: Ends, x: Ends) -> Ends:
 # By the word of a row of `functions` for its range.
 _FUNCTIONS: dict[str, Callable[..., Ends]] = {
     "rises": _rising,
-    "falls": _falling,
+    "falls": lambda of, row, a: _rising(of, row, a, falls=True),
     "rises both ways": lambda of, row, a: _rising(of, row, _size(of, a)),
     "sine": lambda of, row, a: of.wave(row, a, np.pi / 2),
-    "cosine": lambda of, row, a: of.wave(row, a, 0.0),
+    "cosine": lambda of, row, a: of.wave(row, a, 0),
     "tangent": _tangent,
     "logarithm": _logarithm,
-    "root": _root,
+    "root": lambda of, row, a: of.wide(of.call(row, of.largest(a[0], 0)), of.call(row, a[1])),
     "size": lambda of, row, a: _size(of, a),
     "sign": lambda of, row, a: (of.call(row, a[0]), of.call(row, a[1])),
     "angle": _angle,

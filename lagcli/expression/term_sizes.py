@@ -1,9 +1,7 @@
 """Sizes of the terms that the values of a program are made of, those that cancel within one entry too.
 
 The size of a value is what it would change by, to first order, if every input and every result on the way to it
-changed by its own size. What rounding and numbers that were computed in doubles leave of a value that is zero is far
-below that. It is bounded here, not observed: a value that is zero may by chance be met exactly, beside others that
-are not.
+changed by its own size. What rounding leaves of a value that is zero is far below that.
 """
 
 from __future__ import annotations
@@ -72,10 +70,8 @@ def result(name: str, *parts: Pair) -> Pair:
 
 # Where functions that step do so, next to a number.
 STEPS: dict[str, Callable[[float], float]] = {
-    "sign": lambda a: 0.0,
-    "not": lambda a: 0.0,
-    "floor": lambda a: float(round(a)),
-    "ceil": lambda a: float(round(a)),
+    **dict.fromkeys(("sign", "not"), lambda a: 0),
+    **dict.fromkeys(("floor", "ceil"), round),
 }
 
 
@@ -120,11 +116,6 @@ def _joined(holds: Callable[[bool, bool], bool]) -> Callable[[Pair, Pair], Pair]
     return lambda a, b: (float(holds(bool(a[0]), bool(b[0]))), max(a[1], b[1]))
 
 
-def _if(a: Pair, b: Pair) -> Pair:
-    value, size = b if a[0] else (0.0, 0.0)
-    return value, math.inf if a[1] == math.inf else size
-
-
 TWO: dict[str, Callable[[Pair, Pair], Pair]] = {
     "add": lambda a, b: (a[0] + b[0], a[1] + b[1]),
     "sub": lambda a, b: (a[0] - b[0], a[1] + b[1]),
@@ -142,7 +133,10 @@ TWO: dict[str, Callable[[Pair, Pair], Pair]] = {
     "ne": _compared(lambda a, b: a != b),
     "and": _joined(lambda a, b: a and b),
     "or": _joined(lambda a, b: a or b),
-    "if_else_zero": _if,
+    "if_else_zero": lambda a, b: (
+        b[0] if a[0] else 0.0,
+        math.inf if a[1] == math.inf else b[1] if a[0] else 0.0,
+    ),
 }
 EXACT = {"add", "sub", "mul", "sq", "twice", "neg", "assign", "fabs", "fmin", "fmax", "if_else_zero"}
 SWITCHES = {"sign", "not", "floor", "ceil", "lt", "le", "eq", "ne", "and", "or", "if_else_zero"}

@@ -4,6 +4,7 @@ one, with the restitution of its impacts."""
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 from typing import Literal
 
@@ -27,7 +28,7 @@ def holonomic(formulas: Formulas, entry: yaml_tree.AnyNode) -> Holonomic | None:
     if equation is None:
         return None
     algebra = FactsAlgebra(formulas.lookup, facts.POSITION, "a holonomic constraint")
-    found = _difference(formulas, equation, algebra)
+    found = formulas.checked(evaluate.difference, equation, algebra)
     return None if found is None else Holonomic(formulas.members, equation, len(found) == 3)
 
 
@@ -38,15 +39,10 @@ def differential(formulas: Formulas, entry: yaml_tree.AnyNode) -> Differential |
         return None
     subject, text = "a differential constraint", equation.origin.value
     algebra = FactsAlgebra(formulas.lookup, facts.DIFFERENTIAL, subject, linear=True, text=text)
-    found = _difference(formulas, equation, algebra)
-    if found is None:
+    found = formulas.checked(evaluate.difference, equation, algebra)
+    form = None if found is None else formulas.checked(functools.partial(_form, found), equation, algebra)
+    if found is None or form is None:
         return None
-    try:
-        in_differentials = _form(equation.tree, found, algebra)
-    except ExpressionError as error:
-        formulas.trouble(equation.origin, error)
-        return None
-    form: Literal["differentials", "velocities"] = "differentials" if in_differentials else "velocities"
     return Differential(formulas.members, equation, len(found) == 3, form)
 
 
@@ -54,34 +50,23 @@ def _equation(formulas: Formulas, entry: yaml_tree.AnyNode, section: str) -> Exp
     """The equation of an entry, written shortly or under `equation:`."""
     node = entries.written(formulas, entry, section, "equation")
     if isinstance(node, yaml_tree.Sequence):
-        message, hint = (
-            "an equation is needed here, and this is a list",
-            "each equation has an entry of its own",
-        )
-        formulas.report(node, "not-an-expression", message, hint)
+        message = "an equation is needed here, and this is a list"
+        formulas.report(node, "not-an-expression", message, "each equation has an entry of its own")
         return None
     return None if node is None else formulas.parse(node, parser.parse_equation)
 
 
-def _difference(formulas: Formulas, equation: Expression, algebra: FactsAlgebra) -> tuple[Facts, ...] | None:
-    assert isinstance(equation.tree, tree.Relation)
-    try:
-        return evaluate.difference(equation.tree, algebra)
-    except ExpressionError as error:
-        formulas.trouble(equation.origin, error)
-        formulas.unknown_names(equation, formulas.lookup)
-        return None
-
-
-def _form(node: tree.Node, found: tuple[Facts, ...], algebra: FactsAlgebra) -> bool:
-    """True if the law is written in differentials; raises where it is in neither form, or in both."""
+def _form(
+    found: tuple[Facts, ...], node: tree.Node, algebra: FactsAlgebra
+) -> Literal["differentials", "velocities"]:
+    """How the law is written. Raises `ExpressionError` where it is in neither form, or in both."""
     everything = frozenset[facts.Flag]().union(*(part.reads for part in found))
     if "differential" not in everything:
         if "velocity" not in everything:
             hint = "write `d(x)` or `rate(x)`, `a.vx`; a law in positions belongs under `holonomic`"
             message = "a differential constraint needs differentials or velocities"
             raise ExpressionError("no-differential", message, node.start, node.end, hint)
-        return False
+        return "velocities"
     # The terms a user sees: the summands of both sides.
     waiting, terms = [node], list[tree.Node]()
     while waiting:
@@ -100,7 +85,7 @@ def _form(node: tree.Node, found: tuple[Facts, ...], algebra: FactsAlgebra) -> b
         if any(part.low == 0 and np.any(part.value != 0.0) for part in parts):
             message = "every term of a law in differentials holds a differential, and this one holds none"
             raise ExpressionError("no-differential", message, term.start, term.end, "multiply it by `dt`")
-    return True
+    return "differentials"
 
 
 def inequality(formulas: Formulas, entry: yaml_tree.AnyNode) -> Inequality | None:
@@ -108,7 +93,17 @@ def inequality(formulas: Formulas, entry: yaml_tree.AnyNode) -> Inequality | Non
     found: dict[str, yaml_tree.AnyNode] = {"condition": entry}
     if isinstance(entry, yaml_tree.Mapping):
         found = entries.fields(formulas, entry, keys.FORMAT.key("inequality")) or {}
-    condition = _condition(formulas, found["condition"]) if "condition" in found else None
+    condition = None
+    if "condition" in found and isinstance(found["condition"], yaml_tree.Sequence):
+        message = "a condition is needed here, and this is a list"
+        formulas.report(
+            found["condition"], "bad-condition", message, "each condition has an entry of its own"
+        )
+    elif "condition" in found:
+        condition = formulas.parse(found["condition"], parser.parse_condition)
+    algebra = FactsAlgebra(formulas.lookup, facts.POSITION, ONE_SIDED)
+    if condition is not None and formulas.checked(_gap, condition, algebra) is None:
+        condition = None
     values = formulas.values(0.0)
     if "restitution" in found:
         node = found["restitution"]
@@ -126,38 +121,20 @@ def inequality(formulas: Formulas, entry: yaml_tree.AnyNode) -> Inequality | Non
     return None if condition is None else Inequality(formulas.members, condition, values)
 
 
-def _condition(formulas: Formulas, node: yaml_tree.AnyNode) -> Expression | None:
-    if isinstance(node, yaml_tree.Sequence):
-        message = "a condition is needed here, and this is a list"
-        formulas.report(node, "bad-condition", message, "each condition has an entry of its own")
-        return None
-    condition = formulas.parse(node, parser.parse_condition)
-    if condition is None:
-        return None
-    assert isinstance(condition.tree, tree.Relation)
-    algebra = FactsAlgebra(formulas.lookup, facts.POSITION, ONE_SIDED)
-    try:
-        _require_condition(condition.tree, algebra)
-    except ExpressionError as error:
-        formulas.trouble(condition.origin, error)
-        formulas.unknown_names(condition, formulas.lookup)
-        return None
-    return condition
-
-
-def _require_condition(node: tree.Relation, algebra: FactsAlgebra) -> None:
-    """Raise `ExpressionError` for what is no condition on coordinates."""
+def _gap(node: tree.Relation, algebra: FactsAlgebra) -> Facts:
+    """The facts of left - right. Raises `ExpressionError` for what is no condition on coordinates."""
     left, right = evaluate.value(node.left, algebra), evaluate.value(node.right, algebra)
     if isinstance(left, tuple) or isinstance(right, tuple):
         message = "a condition compares two numbers, and here is a vector"
         hint = "give each component an entry of its own, `a.x >= 0`; a distance is `norm(a) >= 1`"
         raise ExpressionError("bad-condition", message, node.start, node.end, hint)
-    reads = algebra.add(node, left, -1, right).reads
-    if "position" not in reads:
-        what = "only the time `t`" if reads else "only constants"
+    found = algebra.add(node, left, -1, right)
+    if "position" not in found.reads:
+        what = "only the time `t`" if found.reads else "only constants"
         message = f"{ONE_SIDED} holds coordinates, and this one holds {what}"
         hint = "its force acts on the coordinates in it: without any there is none"
         raise ExpressionError("nothing-to-push", message, node.start, node.end, hint)
+    return found
 
 
 def pieces(formulas: Formulas, law: Inequality) -> tuple[Inequality, ...]:
@@ -177,7 +154,7 @@ def pieces(formulas: Formulas, law: Inequality) -> tuple[Inequality, ...]:
     for number, text in enumerate(texts, start=1):
         condition = parser.parse_condition(f"{text} >= 0")
         try:
-            _require_condition(condition, algebra)
+            _gap(condition, algebra)
         except ExpressionError:
             return (law,)  # a part without coordinates is no wall
         indices = [(*index, number) for index in law.members.indices]

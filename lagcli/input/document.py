@@ -15,7 +15,7 @@ import numpy as np
 
 from lagcli import yaml_tree
 from lagcli.errors import diagnostics
-from lagcli.expression import facts, functions, parser, tree
+from lagcli.expression import evaluate, facts, functions, parser, tree
 from lagcli.expression.tree import ExpressionError
 from lagcli.frozen import frozen
 from lagcli.input import (
@@ -110,10 +110,12 @@ class _Document:
         self._found.raise_errors()
         order = evaluation_order.evaluation(self._formulas, declared.particles, declared.definitions)
         changes = {s: [one for one in of_members if one.section == s] for s in ("coordinates", "particles")}
-        coordinates = given_expression.coordinates(
-            self._formulas, declared.coordinates, changes["coordinates"]
+        coordinates = given_expression.changed(
+            self._formulas, declared.coordinates, changes["coordinates"], "coordinate"
         )
-        particles = given_expression.particles(self._formulas, declared.particles, changes["particles"])
+        particles = given_expression.changed(
+            self._formulas, declared.particles, changes["particles"], "particle"
+        )
         self._found.raise_errors()
         # It tells laws apart: those of the file, and positions of dependent particles, which a change may replace.
         laws = [part.text for p in particles if p.is_dependent for part in p.position.parts]
@@ -187,8 +189,8 @@ class _Document:
         )
 
     def _check_shape(self) -> None:
-        """Report entries whose keys are not indented, which are read as if they were; sections there are not; and a
-        format version that is missing or none."""
+        """Report entries whose keys are not indented, which are read as if they were, unknown sections, and a format
+        version that is missing or none."""
         same = self._file is self._root
         self._root, flat = key_hints.indented(self._root)
         self._file = self._root if same else key_hints.indented(self._file)[0]
@@ -248,12 +250,7 @@ class _Document:
             found, formula = entries.parameter(self._formulas, node)
             self._scope.names.define(name.value, namespace.known(found))
             if found is not None:
-                value: float | model.Vector3
-                if isinstance(found, tuple):
-                    x, y, z = (float(facts.constant(part)) for part in found)
-                    value = x, y, z
-                else:
-                    value = float(facts.constant(found))
+                value = evaluate.each(lambda part: float(facts.constant(part)), found)
                 read.append(model.Parameter(name.value, value, formula))
                 self._scope.names.settle(name.value)
         return tuple(read)

@@ -6,6 +6,8 @@ order member by member, and a circle among them is an error.
 
 from __future__ import annotations
 
+import contextlib
+import graphlib
 from collections.abc import Sequence
 
 import numpy as np
@@ -105,30 +107,22 @@ class _Members:
         for number in group:
             for node, others in self._references(number, set(group)):
                 needs[node] |= others
-        users: dict[Node, list[Node]] = {node: [] for node in needs}
-        for node, others in needs.items():
-            for other in others:
-                users[other].append(node)
-        missing = {node: len(others) for node, others in needs.items()}
-        ready = [node for node, count in missing.items() if count == 0]
+        order = graphlib.TopologicalSorter(needs)
+        with contextlib.suppress(graphlib.CycleError):  # what is in a circle is never ready
+            order.prepare()
         steps: list[str | Batch] = []
-        while ready:
+        while ready := order.get_ready():
             for number in sorted({number for number, _ in ready}):
                 unit = self.units[number]
                 members = sorted(member for n, member in ready if n == number)
                 steps.append(
                     unit.name if unit.entry is None else Batch(unit.entry, np.array(members, dtype=np.int64))
                 )
-            following = []
             for node in ready:
-                del missing[node]
-                for user in users[node]:
-                    missing[user] -= 1
-                    if missing[user] == 0:
-                        following.append(user)
-            ready = following
-        if missing:
-            number, member = min(missing)
+                del needs[node]
+            order.done(*ready)
+        if needs:
+            number, member = min(needs)
             unit = self.units[number]
             entry = self._particles[unit.entry] if unit.entry is not None else None
             name = unit.name if entry is None else entry.members.names[member]

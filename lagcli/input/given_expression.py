@@ -7,6 +7,9 @@ import dataclasses
 import functools
 import math
 from collections.abc import Sequence
+from typing import TypeVar
+
+import numpy as np
 
 from lagcli import yaml_tree
 from lagcli.errors import diagnostics
@@ -90,8 +93,9 @@ def function(model: nouns.Model, text: str, label: str) -> nouns.Expression:
 
 def _declared(whole: scope.Scope, members: Family, kind: Kind) -> str:
     """The key under which an entry is declared, its members numbered."""
-    is_family = members.names != (members.base,)
-    key = f"{members.base}{list(members.indices[:1]) or '[]'}" if is_family else members.base
+    key = members.base
+    if members.names != (key,):
+        key += f"{list(members.indices[:1]) or '[]'}"
     whole.names.declare(key, members.base, kind)
     whole.names.number(key, members)
     return key
@@ -99,65 +103,45 @@ def _declared(whole: scope.Scope, members: Family, kind: Kind) -> str:
 
 def _facts_of(value: float | nouns.Vector3) -> Either:
     """The facts of a constant."""
-    if isinstance(value, float):
-        return Facts(value)
-    x, y, z = map(Facts, value)
-    return x, y, z
+    return evaluate.each(Facts, value)
 
 
 _FIELDS = {"value": "value", "rate": "rate", "position": "start", "velocity": "start_velocity"}
+Declared = TypeVar("Declared", nouns.Coordinate, nouns.Particle)
 
 
-def coordinates(
-    formulas: Formulas, read: Sequence[nouns.Coordinate], changes: Sequence[OfMember]
-) -> tuple[nouns.Coordinate, ...]:
-    """The coordinates with the changes made. What is wrong with a value is reported; raises `OverrideError`."""
-    changed = list(read)
+def changed(
+    formulas: Formulas, read: Sequence[Declared], changes: Sequence[OfMember], kind: Kind
+) -> tuple[Declared, ...]:
+    """The coordinates or particles with the changes made. What is wrong with a value is reported.
+
+    Raises `OverrideError` where there is no such member.
+    """
+    found = list(read)
     for change in changes:
-        entry, member = _member(formulas, change, "coordinate")
-        found = formulas.constant(change.value, f"the initial {change.field} of a coordinate")
-        if found is not None:
-            values = getattr(changed[entry], change.field).copy()
-            values[member] = found
-            changed[entry] = dataclasses.replace(changed[entry], **{change.field: values})
-    return tuple(changed)
-
-
-def particles(
-    formulas: Formulas, read: Sequence[nouns.Particle], changes: Sequence[OfMember]
-) -> tuple[nouns.Particle, ...]:
-    """The particles with the changes made. What is wrong with a value is reported; raises `OverrideError`."""
-    changed = list(read)
-    for change in changes:
-        entry, member = _member(formulas, change, "particle")
-        particle = changed[entry]
-        if particle.start is None:
+        try:
+            written = parser.parse_reference(change.owner)
+            assert isinstance(written, tree.Index)
+            number = formulas.scope.indexed.numbers(written, {})
+        except ExpressionError as error:
+            hint = f"; {error.hint}" if error.hint else ""
+            raise OverrideError(f"--set {change.name}: {error.message}{hint}") from None
+        member_index = formulas.scope.names.member_indices[kind]
+        entry = int(member_index.entries(number)[0])
+        member, declared = int(number[0]) - member_index.first(entry), found[entry]
+        if isinstance(declared, nouns.Particle) and declared.start is None:
             message = (
                 f"`{change.owner}` has no initial values: its position is a function of coordinates or time"
             )
             formulas.report(change.value, "not-an-initial-value", message, "change the file instead")
             continue
-        values = getattr(particle, _FIELDS[change.field]).copy()
-        subject = f"an initial {change.field}"
-        if change.axis is not None:
-            found = formulas.constant(change.value, subject)
-            values[member, change.axis] = 0.0 if found is None else found
+        values = getattr(declared, _FIELDS[change.field]).copy()
+        if kind == "coordinate":
+            values[member] = formulas.constant(change.value, f"the initial {change.field} of a coordinate")
+        elif change.axis is not None:
+            values[member, change.axis] = formulas.constant(change.value, f"an initial {change.field}")
         else:
-            vectors = formulas.constant_vectors(change.value, subject)
-            values[member] = 0.0 if vectors is None else vectors[0]
-        changed[entry] = dataclasses.replace(particle, **{_FIELDS[change.field]: values})
-    return tuple(changed)
-
-
-def _member(formulas: Formulas, change: OfMember, kind: namespace.Kind) -> tuple[int, int]:
-    """The entry of a member, and its number in it. Raises `OverrideError` where there is none."""
-    try:
-        written = parser.parse_reference(change.owner)
-        assert isinstance(written, tree.Index)
-        number = formulas.scope.indexed.numbers(written, {})
-    except ExpressionError as error:
-        hint = f"; {error.hint}" if error.hint else ""
-        raise OverrideError(f"--set {change.name}: {error.message}{hint}") from None
-    member_index = formulas.scope.names.member_indices[kind]
-    entry = int(member_index.entries(number)[0])
-    return entry, int(number[0]) - member_index.first(entry)
+            vectors = formulas.constant_vectors(change.value, f"an initial {change.field}")
+            values[member] = np.nan if vectors is None else vectors[0]
+        found[entry] = dataclasses.replace(declared, **{_FIELDS[change.field]: values})
+    return tuple(found)

@@ -16,7 +16,6 @@ from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, hints, integers, tokens, tree
 from lagcli.expression.facts import Either, Facts, Value
 from lagcli.expression.tree import ExpressionError
-from lagcli.input import namespace
 from lagcli.model import family
 from lagcli.model.family import Family, Integers, MemberIndex, MissingMember
 
@@ -264,7 +263,7 @@ class Indexed:
                 raise names.unknown(node, node.name, "parameter", variables)
             if kind != "parameter":
                 rule = "bounds and indices are integer expressions of parameters"
-                message = f"{rule}, and `{node.name}` is {namespace.article(kind)}"
+                message = f"{rule}, and `{node.name}` is {article(kind)}"
                 raise ExpressionError("not-a-whole-number", message, node.start, node.end)
             names.value(node, node.name)
             value = names.constant(node.name)
@@ -284,9 +283,9 @@ class Indexed:
         """
         base = node.owner
         kind = self._names.kind(base)
-        assert kind in namespace.NUMBERED, base
+        assert kind in NUMBERED, base
         if self._names.is_broken(base):
-            raise namespace.broken(node)
+            raise broken(node)
         if isinstance(node, tree.Name):
             return self._names.member_indices[kind].find(base, ())
         return self.find(node, self._names.member_indices[kind], self._names.is_family(base), variables)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Callable, MutableMapping
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -26,20 +26,17 @@ ALONE = family.one("")
 
 # Parts of expressions times members of families: what one model may ask to be evaluated, some seconds of it.
 MAX_WORK = 100_000_000
-# Functions whose arguments are names of the model; `rate` and others take some, a misspelt one may take any.
-_SEARCHED = frozenset(evaluate.FUNCTION_NAMES) - {"rate", "multiplier", "reaction"}
 LARGE = 1000  # members from which on parts are counted
-
+# Functions in whose arguments names are looked up: those of `rate` and others are special, a misspelt one's may be.
+_SEARCHED = frozenset(evaluate.FUNCTION_NAMES) - {"rate", "multiplier", "reaction"}
 
 Trees = MutableMapping[tuple[Callable[[str], tree.Node], str], tree.Node]
 
 
 @dataclasses.dataclass(slots=True)
 class Reading:
-    """The data shared by the expressions of one model: the trees of texts that were read, and the work that is left.
-
-    A long model writes the same short texts again and again; trees hold offsets in their own text only.
-    """
+    """What the expressions of one model share: the trees of texts, many of which are written often, and the work that
+    is left."""
 
     trees: Trees = dataclasses.field(default_factory=dict)
     work: int = MAX_WORK
@@ -97,10 +94,9 @@ class Formulas:
     def parse(self, node: yaml_tree.AnyNode, read: Callable[[str], tree.Node]) -> Expression | None:
         """The expression written in `node`."""
         if not isinstance(node, yaml_tree.Scalar):
-            shape = "list" if isinstance(node, yaml_tree.Sequence) else "mapping"
-            hint = "write the expression itself after the colon"
-            if shape == "list":
-                hint = "an expression that begins with `[` needs quotes"
+            shape, hint = "mapping", "write the expression itself after the colon"
+            if isinstance(node, yaml_tree.Sequence):
+                shape, hint = "list", "an expression that begins with `[` needs quotes"
             message = f"an expression is needed here, and this is a {shape}"
             self.report(node, "not-an-expression", message, hint)
             return None
@@ -115,9 +111,7 @@ class Formulas:
             except ExpressionError as error:
                 self.trouble(node, error)
                 return None
-        if not self.can_evaluate(node, known, self.members.count):
-            return None
-        return Expression(known, node)
+        return Expression(known, node) if self.can_evaluate(node, known, self.members.count) else None
 
     def can_evaluate(self, node: yaml_tree.AnyNode, found: tree.Node, count: int) -> bool:
         """True if an expression may be evaluated for this many members; if not, that is reported."""
@@ -138,47 +132,41 @@ class Formulas:
         self, expression: Expression, allowed: frozenset[Flag], subject: str, lookup: Lookup | None = None
     ) -> Facts | None:
         """Facts of a checked scalar expression, or None where it is wrong."""
-        return self._checked(
-            evaluate.scalar, expression, FactsAlgebra(lookup or self.lookup, allowed, subject)
-        )
+        algebra = FactsAlgebra(lookup or self.lookup, allowed, subject)
+        return self.checked(evaluate.scalar, expression, algebra)
 
     def either_facts(
         self, expression: Expression, allowed: frozenset[Flag], subject: str, lookup: Lookup | None = None
     ) -> Either | None:
         """Facts of a checked expression of a scalar or a vector, or None where it is wrong."""
-        return self._checked(
-            evaluate.value, expression, FactsAlgebra(lookup or self.lookup, allowed, subject)
-        )
+        algebra = FactsAlgebra(lookup or self.lookup, allowed, subject)
+        return self.checked(evaluate.value, expression, algebra)
 
-    def _checked(
-        self, read: Callable[[tree.Node, FactsAlgebra], T], expression: Expression, algebra: FactsAlgebra
+    def checked(
+        self, read: Callable[[Any, FactsAlgebra], T], expression: Expression, algebra: FactsAlgebra
     ) -> T | None:
+        """What `read` makes of an expression; None where it raises, which is reported, with all unknown names."""
         try:
             return read(expression.tree, algebra)
         except ExpressionError as error:
             self.trouble(expression.origin, error)
-            self.unknown_names(expression, algebra.lookup)
-            return None
-
-    def unknown_names(self, expression: Expression, lookup: Lookup) -> None:
-        """Report the names nothing declares in an expression of which one error has been found."""
         waiting = [expression.tree]
         while waiting:
             node = waiting.pop()
             if isinstance(node, tree.Reference):
                 try:
-                    lookup(node)
+                    algebra.lookup(node)
                 except ExpressionError as error:
                     if error.code == "unknown-name":
                         self.trouble(expression.origin, error)
             elif not isinstance(node, tree.Call) or node.function in _SEARCHED:
                 waiting += tree.children(node)
+        return None
 
     def scalar(self, node: yaml_tree.AnyNode, allowed: frozenset[Flag], subject: str) -> Expression | None:
         expression = self.parse(node, parser.parse)
-        if expression is None or self.facts(expression, allowed, subject) is None:
-            return None
-        return expression
+        is_right = expression is not None and self.facts(expression, allowed, subject) is not None
+        return expression if is_right else None
 
     def constant(self, node: yaml_tree.AnyNode, subject: str) -> float | None:
         """The value of an expression of parameters."""
@@ -214,10 +202,9 @@ class Formulas:
             hint = yaml_tree.QUOTES if torn else hints.vector(len(node.items))
             self.report(node, "vector-length", message, hint)
             return None
-        parts = [self.parse(item, parser.parse) for item in node.items]
-        if any(part is None for part in parts):
-            return None
-        return VectorExpression(tuple(part for part in parts if part is not None))
+        parsed = [self.parse(item, parser.parse) for item in node.items]
+        parts = tuple(part for part in parsed if part is not None)
+        return VectorExpression(parts) if len(parts) == 3 else None
 
     def vector_facts(
         self, vector: VectorExpression, allowed: frozenset[Flag], subject: str, lookup: Lookup | None = None
@@ -225,7 +212,7 @@ class Formulas:
         """Facts of the three components, or None."""
         if len(vector.parts) == 1:
             algebra = FactsAlgebra(lookup or self.lookup, allowed, subject)
-            return self._checked(evaluate.vector, vector.parts[0], algebra)
+            return self.checked(evaluate.vector, vector.parts[0], algebra)
         x, y, z = (self.facts(part, allowed, subject, lookup) for part in vector.parts)
         return None if x is None or y is None or z is None else (x, y, z)
 

@@ -23,7 +23,6 @@ from lagcli.analysis.numeric_flag import spans
 from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
 from lagcli.compiled import row_block
 from lagcli.compiled.row_block import RowBlock
-from lagcli.equations import kinks
 from lagcli.equations.system import System
 from lagcli.linear import decompositions, surface
 from lagcli.linear.metric import Metric
@@ -94,7 +93,7 @@ class Points:
         if not self._block.has_kinks:
             return True
         x, p = self.start.x, self.start.p
-        way = kinks.PARAMETERS.farther * initial.size(x)
+        way = doubles.STEP * initial.size(x)
         lines = [way * decompositions.generic_direction(x.size, seed) for seed in range(4)]
         for away in (side * line for line in lines for side in (1.0, -1.0)):
             block = self._block.on_branch(x + away, p, 0.0)
