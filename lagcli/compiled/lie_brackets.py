@@ -77,9 +77,7 @@ class TooMuchFill(Exception):
 
 def pivots(A: ca.DM, fill: int) -> list[tuple[int, int]]:
     """Pivots (row, column) of the elimination of independent rows A (C, N) of numbers, of little fill (Markowitz).
-
-    Raises `TooMuchFill` beyond `fill` operations.
-    """
+    Raises `TooMuchFill` beyond `fill` operations."""
     rows: dict[int, dict[int, float]] = {i: {} for i in range(A.shape[0])}
     for i, j, value in zip(*A.sparsity().get_triplet(), A.nonzeros(), strict=True):
         rows[i][j] = value

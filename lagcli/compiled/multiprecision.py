@@ -118,10 +118,8 @@ def parts(values: Sequence[Number], tag: int) -> tuple[list[Number], list[Number
 def run(
     program: Program, inputs: Sequence[Sequence[Number]], read: Callable[[float], Decimal]
 ) -> list[Number]:
-    """The values of a program in the precision of the context; `read` makes a number of a constant.
-
-    Raises `NotFinite`. All functions must be known.
-    """
+    """The values of a program in the precision of the context; `read` makes a number of a constant. Raises `NotFinite`.
+    All functions must be known."""
     try:
         return program.run(inputs, read, along)
     except (decimal.InvalidOperation, decimal.Overflow, ZeroDivisionError, OverflowError):

@@ -26,10 +26,7 @@ _POWERS = (ca.OP_POW, ca.OP_CONSTPOW)
 
 
 class NarrowArgumentParameters:
-    """From when on a feature is narrow in a step.
-
-    The tests are of `tests/physics/test_narrow_places.py`.
-    """
+    """From when on a feature is narrow in a step. The tests are of `tests/physics/test_narrow_places.py`."""
 
     __slots__ = ()
 
@@ -86,10 +83,8 @@ class _Kind(NamedTuple):
 
 
 def find(system: System, has_contacts: bool) -> NarrowArguments | None:
-    """The arguments of a system; None where there are none, and where there are too many to look at.
-
-    has_contacts: of the one-sided rows too, one of which is closed.
-    """
+    """The arguments of a system; None where there are none, and where there are too many to look at. has_contacts: of
+    the one-sided rows too, one of which is closed."""
     s, rows = system.symbols, system.rows
     inputs = [s.t, s.q, s.v, system.p]
     moving = [system.dynamics.jacobi, system.dynamics.driving, system.f, rows.B, rows.b]

@@ -57,10 +57,8 @@ def newton(H: ca.DM, B: ca.DM, gradient: Floats, f: Floats, free: Flags) -> Floa
 
 
 class Problem:
-    """The problem of one system, built once; `solve` it for all holonomic rows or some, from any point.
-
-    pattern: that of the M to measure with.
-    """
+    """The problem of one system, built once; `solve` it for all holonomic rows or some, from any point. pattern: that
+    of the M to measure with."""
 
     def __init__(self, system: System, pattern: ca.Sparsity) -> None:
         s = system.symbols

@@ -40,10 +40,8 @@ class FixedValues:
 
 
 def rows(system: System, chosen: Numbers, coordinates: Numbers, fixed: FixedValues) -> tuple[ca.SX, ca.SX]:
-    """z (k + 1,) and A (c, k + 1) of the rows `chosen` (c,) as expressions in it; other coordinates are fixed.
-
-    z counts each coordinate and time in the units of `fixed.scale`.
-    """
+    """z (k + 1,) and A (c, k + 1) of the rows `chosen` (c,) as expressions in it; other coordinates are fixed. z counts
+    each coordinate and time in the units of `fixed.scale`."""
     symbols, p = system.symbols, system.p
     z = ca.SX.sym("z", len(coordinates) + 1)
     scale = ca.DM(fixed.scale)

@@ -144,10 +144,8 @@ class Selection:
 
 
 def split(selection: Selection, S: ca.MX, lam: ca.MX) -> ca.MX:
-    """lambda of all rows (C + K,), from those of the independent rows; 0 of inactive ones.
-
-    S = B M^-1 B^T of the `shared` rows in their order; S and lambda are expressions.
-    """
+    """lambda of all rows (C + K,), from those of the independent rows; 0 of inactive ones. S = B M^-1 B^T of the
+    `shared` rows in their order; S and lambda are expressions."""
     among = {row: i for i, row in enumerate(selection.shared)}
     index = {row: i for i, row in enumerate(selection.independent)}
     supports = {dependency[0]: frozenset(dependency[1:]) for dependency in selection.dependencies}

@@ -27,10 +27,8 @@ PERIODS = {code: row.period for code, row in operation_graph.FUNCTIONS.items() i
 
 
 class CutParameters:
-    """The effect of one turn of an angle on a row, and where an angle is at its cut.
-
-    The tests are of `tests/unit/test_numbers_of_rows.py`.
-    """
+    """The effect of one turn of an angle on a row, and where an angle is at its cut. The tests are of
+    `tests/unit/test_numbers_of_rows.py`."""
 
     __slots__ = ()
 

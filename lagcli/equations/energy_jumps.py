@@ -66,10 +66,8 @@ class Way(Protocol):
 
 @frozen
 class Crossings:
-    """The K switches of J subjects: words (K,) and owners (K,) by number.
-
-    switches: (t, q, v, p) -> (K,), each changes its sign where its function may jump; values: the subjects (J,).
-    """
+    """The K switches of J subjects: words (K,) and owners (K,) by number. switches: (t, q, v, p) -> (K,), each changes
+    its sign where its function may jump; values: the subjects (J,)."""
 
     subjects: tuple[Subject, ...]
     words: tuple[str, ...]

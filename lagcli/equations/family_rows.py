@@ -24,10 +24,8 @@ WORTH = 4
 
 
 class Rates(Protocol):
-    """The variables of rows: t, coordinates q (m, 1) and their rates v; gamma is -rate(B v + b) with v fixed.
-
-    rate: d/dt of a function of q and t; of one that holds v too, with v fixed.
-    """
+    """The variables of rows: t, coordinates q (m, 1) and their rates v; gamma is -rate(B v + b) with v fixed. rate:
+    d/dt of a function of q and t; of one that holds v too, with v fixed."""
 
     @property
     def t(self) -> ca.SX: ...

@@ -23,9 +23,7 @@ Indices = npt.NDArray[np.intp]
 
 def coordinate_sizes(q: Floats, numbers: Indices, columns: Indices, count: int) -> Floats:
     """How large the coordinates of a row are, (n,): of the one with the smallest, of those that hold a coordinate.
-
-    numbers, columns (E,): which of `count` rows hold which coordinates.
-    """
+    numbers, columns (E,): which of `count` rows hold which coordinates."""
     size = float(np.abs(q).max(initial=0.0)) or 1.0
     of_rows, of_coordinates = np.zeros(count), np.full(q.size, size)
     np.maximum.at(of_rows, numbers, np.abs(q)[columns])

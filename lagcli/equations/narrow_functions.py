@@ -16,10 +16,7 @@ from lagcli.model import model as nouns
 
 
 class NarrowParameters:
-    """The fall of a function that is felt from afar.
-
-    The tests are of `tests/physics/test_narrow_features.py`.
-    """
+    """The fall of a function that is felt from afar. The tests are of `tests/physics/test_narrow_features.py`."""
 
     __slots__ = ()
 

@@ -104,10 +104,8 @@ class _Found(NamedTuple):
 
 
 def has_total_columns(system: System) -> bool:
-    """True where energies and outputs are finite at any state, with any accelerations and multipliers.
-
-    The other columns are finite where a step is: they are made of what steps are made of.
-    """
+    """True where energies and outputs are finite at any state, with any accelerations and multipliers. The other
+    columns are finite where a step is: they are made of what steps are made of."""
     symbols = system.symbols
     value = ca.vertcat(ca.densify(system.dynamics.energy), ca.densify(system.outputs))
     inputs = [system.p, symbols.t, symbols.q, symbols.v, system.a, system.lam]

@@ -27,10 +27,8 @@ Floats = npt.NDArray[np.float64]
 
 
 def model(built: system.System, t: float, q: Floats, v: Floats) -> nouns.Model:
-    """The model with all particles Cartesian, which starts at the state t, q (n,), v (n,) of `built`.
-
-    Particles and coordinates keep their names, and forces, potentials and rows their texts.
-    """
+    """The model with all particles Cartesian, which starts at the state t, q (n,), v (n,) of `built`. Particles and
+    coordinates keep their names, and forces, potentials and rows their texts."""
     declared = built.model
     p = system.values(built)
     symbols = built.symbols

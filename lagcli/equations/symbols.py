@@ -57,10 +57,8 @@ def _labelled(name: str, value: float | nouns.Vector3) -> list[tuple[str, float]
 
 
 class FixedExponents:
-    """Exponents that depend on parameters only are built into the graph; `used` says which those are.
-
-    x**n with n an input has derivatives that are not finite at x = 0 although x**2 is harmless there.
-    """
+    """Exponents that depend on parameters only are built into the graph; `used` says which those are. x**n with n an
+    input has derivatives that are not finite at x = 0 although x**2 is harmless there."""
 
     def __init__(self, model: nouns.Model) -> None:
         self._values: dict[str, float] = {}

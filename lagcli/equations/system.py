@@ -180,11 +180,8 @@ def reaction(B: ca.SX, lam: ca.SX) -> ca.SX:
 
 
 def with_values(built: System, model: nouns.Model) -> System | None:
-    """The system with other values of parameters and start, or None where it must be built anew.
-
-    `model` must be of the same text. A new build is needed where a built-in exponent changes, or a rigid body
-    gets another base.
-    """
+    """The system with other values of parameters and start, or None where it must be built anew. `model` must be of the
+    same text. A new build is needed where a built-in exponent changes, or a rigid body gets another base."""
     if model.structure != built.model.structure:
         return None
     fixed = FixedExponents(model)

@@ -260,10 +260,8 @@ def particle_member(member: str) -> str:
 
 
 def nonlinear(term: str, degree: int, kinds: frozenset[str], quotient: bool) -> tuple[str, str]:
-    """Message and hint for a term that is not linear in differentials or velocities.
-
-    `kinds`: what it reads, "differential" and "velocity" among it; `quotient`: whether it divides by them.
-    """
+    """Message and hint for a term that is not linear in differentials or velocities. `kinds`: what it reads,
+    "differential" and "velocity" among it; `quotient`: whether it divides by them."""
     mixed = kinds >= {"differential", "velocity"}
     what = "differentials" if "differential" in kinds else "velocities"
     order = "not linear" if term.startswith(("norm(", "distance(")) else _ORDERS.get(degree, "not linear")
@@ -304,10 +302,8 @@ def derivative_of(name: str, coordinates: Container[str]) -> str:
 
 
 def way_out(flag: str, subject: str, written: str) -> str:
-    """The advice where an expression may not read `flag`, or an empty text; `written`: the name or call.
-
-    A subject is how the error calls the expression, with its article: "a potential", "the force on a particle".
-    """
+    """The advice where an expression may not read `flag`, or an empty text; `written`: the name or call. A subject is
+    how the error calls the expression, with its article: "a potential", "the force on a particle"."""
     if flag != "result":
         if flag == "velocity" and subject.startswith("a differential `d("):
             return NO_ACCELERATION

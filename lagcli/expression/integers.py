@@ -56,10 +56,8 @@ def evaluate(node: tree.Node, lookup: Lookup) -> Integers:
 
 
 def holds(node: tree.Node, lookup: Lookup) -> Truth:
-    """The truth of a filter: a `bool`, or bool of shape (K,) where it is asked of K members.
-
-    Every comparison is evaluated for every member, whatever those before it say. Raises as `evaluate`.
-    """
+    """The truth of a filter: a `bool`, or bool of shape (K,) where it is asked of K members. Every comparison is
+    evaluated for every member, whatever those before it say. Raises as `evaluate`."""
     match node:
         case tree.Not():
             truth = holds(node.inner, lookup)

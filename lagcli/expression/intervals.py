@@ -38,10 +38,8 @@ def constant(value: float | Array) -> Range:
 
 
 class Intervals:
-    """The arithmetic of ranges of floats; of other numbers where methods for them are replaced.
-
-    most: the bound where there is none.
-    """
+    """The arithmetic of ranges of floats; of other numbers where methods for them are replaced. most: the bound where
+    there is none."""
 
     most = math.inf
 

@@ -47,10 +47,8 @@ def parse_range(text: str) -> tree.Range:
 
 
 def parse_filter(text: str) -> tree.Node:
-    """Comparisons joined with `and`, `or`, `not` and parentheses. Raises `ExpressionError`.
-
-    Returns a `Comparison`, `Not`, `And` or `Or`; the operands of comparisons are expressions.
-    """
+    """Comparisons joined with `and`, `or`, `not` and parentheses. Raises `ExpressionError`. Returns a `Comparison`,
+    `Not`, `And` or `Or`; the operands of comparisons are expressions."""
     return _FilterParser(text).filter()
 
 

@@ -34,10 +34,8 @@ class Program(Protocol):
 
 
 def of(program: Program, inputs: Sequence[Floats]) -> Floats:
-    """The sizes of the results of a program (results,); infinite where there is no value, or a switch is near.
-
-    Whole numbers among constants and inputs are what they are.
-    """
+    """The sizes of the results of a program (results,); infinite where there is no value, or a switch is near. Whole
+    numbers among constants and inputs are what they are."""
     given = [[(x, 0.0 if x.is_integer() else abs(x)) for x in part.tolist()] for part in inputs]
 
     def constant(value: float) -> Pair:

@@ -13,10 +13,8 @@ from collections.abc import Callable, Iterator
 
 
 class ExpressionError(Exception):
-    """Something is wrong with an expression: code, message, hint, and the offsets of the spot.
-
-    `member` is, for an expression over a family, the first member (from 0) that it is wrong for.
-    """
+    """Something is wrong with an expression: code, message, hint, and the offsets of the spot. `member` is, for an
+    expression over a family, the first member (from 0) that it is wrong for."""
 
     def __init__(
         self, code: str, message: str, start: int, end: int, hint: str = "", *, member: int | None = None
@@ -29,10 +27,8 @@ class ExpressionError(Exception):
 
 @dataclasses.dataclass(slots=True, eq=False, repr=False)
 class Node:
-    """Characters `start` to `end` of the expression.
-
-    All nodes share its methods but `__init__`: to write them for each class takes most of the time of the import.
-    """
+    """Characters `start` to `end` of the expression. All nodes share its methods but `__init__`: to write them for each
+    class takes most of the time of the import."""
 
     start: int
     end: int

@@ -45,11 +45,8 @@ _NAMED = (*(section for section, _ in entry_names.NAMING), "forces", *entry_name
 
 
 def read(data: bytes | str, path: str, changes: Mapping[str, object] | None = None) -> model.Model:
-    """The model a file declares, with `changes` to parameters and initial values made.
-
-    Raises `diagnostics.ModelError` with every error of the file, and `overrides.OverrideError` where a change
-    is wrong.
-    """
+    """The model a file declares, with `changes` to parameters and initial values made. Raises `diagnostics.ModelError`
+    with every error of the file, and `overrides.OverrideError` where a change is wrong."""
     return ParsedFile(data, path).model(changes or {})
 
 

@@ -65,10 +65,8 @@ def text(formulas: Formulas, node: yaml_tree.AnyNode) -> str:
 def parameter(
     formulas: Formulas, node: yaml_tree.AnyNode
 ) -> tuple[facts.Either | None, model.Expression | None]:
-    """Facts of a parameter (a number, an expression of earlier parameters, or a constant vector) and its formula.
-
-    The facts are None where there is a fault; a vector in brackets has several formulas, and so none.
-    """
+    """Facts of a parameter (a number, an expression of earlier parameters, or a constant vector) and its formula. The
+    facts are None where there is a fault; a vector in brackets has several formulas, and so none."""
     subject = "a parameter"
     if isinstance(node, yaml_tree.Sequence):
         vector = formulas.vector_expression(node)
@@ -256,10 +254,8 @@ Named = tuple[namespace.Kind, model.Integers, bool]
 def references(
     formulas: Formulas, node: yaml_tree.AnyNode, kinds: tuple[namespace.Kind, ...], everything: bool = False
 ) -> list[Named] | None:
-    """The meaning of one name or a list of names: kind, numbers, and whether there is one for each member.
-
-    The bare name of a family stands for all its members, `all` (where `everything`) for all particles.
-    """
+    """The meaning of one name or a list of names: kind, numbers, and whether there is one for each member. The bare
+    name of a family stands for all its members, `all` (where `everything`) for all particles."""
     listed = name_list(formulas, node)
     if listed is None:
         return None
@@ -326,10 +322,8 @@ def name_list(formulas: Formulas, node: yaml_tree.AnyNode) -> list[yaml_tree.Sca
 
 
 def warn_of_shadows(formulas: Formulas, force: model.ParticleForce, masses: model.Floats) -> None:
-    """`m`, `r`, `v` are the particle's own in a force; say so where another of that name differs.
-
-    masses: of all particles, (N,).
-    """
+    """`m`, `r`, `v` are the particle's own in a force; say so where another of that name differs. masses: of all
+    particles, (N,)."""
     for part in force.force.parts:
         used = tree.names(part.tree) & scope.OWN.keys()
         for name in sorted(used):

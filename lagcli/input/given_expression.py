@@ -27,11 +27,8 @@ POSITIONS = facts.POSITION - {"time"}
 
 
 def number(model: nouns.Model, label: str, value: object) -> float:
-    """The number that `value` stands for; `label`: what it was given with, such as `--mu blade`.
-
-    Raises `OverrideError` where it is neither a number nor a text, `ModelError`, located, for an expression that is
-    none of parameters.
-    """
+    """The number that `value` stands for; `label`: what it was given with, such as `--mu blade`. Raises `OverrideError`
+    where it is neither a number nor a text, `ModelError`, located, for an expression that is none of parameters."""
     if isinstance(value, int | float):
         if not math.isfinite(value):
             raise OverrideError(f"{label}: {value} is not a finite number")
@@ -59,10 +56,8 @@ def number(model: nouns.Model, label: str, value: object) -> float:
 
 
 def function(model: nouns.Model, text: str, label: str) -> nouns.Expression:
-    """A scalar of positions, coordinates and parameters.
-
-    Raises `diagnostics.ModelError`, located in `label`, and `ValueError` for a constant.
-    """
+    """A scalar of positions, coordinates and parameters. Raises `diagnostics.ModelError`, located in `label`, and
+    `ValueError` for a constant."""
     # The names of a model, as its own expressions know them.
     found, whole = diagnostics.Collector(), scope.Scope()
     names, formulas = whole.names, Formulas(whole, found)
@@ -113,10 +108,8 @@ Declared = TypeVar("Declared", nouns.Coordinate, nouns.Particle)
 def changed(
     formulas: Formulas, read: Sequence[Declared], changes: Sequence[OfMember], kind: Kind
 ) -> tuple[Declared, ...]:
-    """The coordinates or particles with the changes made. What is wrong with a value is reported.
-
-    Raises `OverrideError` where there is no such member.
-    """
+    """The coordinates or particles with the changes made. What is wrong with a value is reported. Raises
+    `OverrideError` where there is no such member."""
     found = list(read)
     for change in changes:
         try:

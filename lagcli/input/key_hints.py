@@ -91,10 +91,8 @@ def shape(owner: keys.Key, node: yaml_tree.AnyNode) -> str:
 def indented(
     root: yaml_tree.Mapping,
 ) -> tuple[yaml_tree.Mapping, list[tuple[yaml_tree.Scalar, yaml_tree.Scalar]]]:
-    """The document with keys moved under the empty entry they follow, and each such entry with its first key.
-
-    `a:` with `mass:` and `position:` at its own level declares three empty particles; it is read as one.
-    """
+    """The document with keys moved under the empty entry they follow, and each such entry with its first key. `a:` with
+    `mass:` and `position:` at its own level declares three empty particles; it is read as one."""
     found: list[tuple[yaml_tree.Scalar, yaml_tree.Scalar]] = []
     sections = []
     for name, node in root:

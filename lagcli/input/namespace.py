@@ -241,11 +241,8 @@ def broken(node: tree.Node) -> ExpressionError:
 
 
 class Indexed:
-    """Finds members by integer expressions of parameters and index variables.
-
-    `structure`: the parameters these have used, with their values: they decide which members there are and
-    which of them an expression speaks of.
-    """
+    """Finds members by integer expressions of parameters and index variables. `structure`: the parameters these have
+    used, with their values: they decide which members there are and which of them an expression speaks of."""
 
     def __init__(self, names: Namespace) -> None:
         self._names = names

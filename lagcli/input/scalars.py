@@ -43,10 +43,8 @@ class Reading:
 
 
 class Formulas:
-    """Reads expressions of an entry in a scope; what is wrong goes to the collector and the answer is None.
-
-    The expression of a family is read once; constants in it are arrays, one value for each of its `members`.
-    """
+    """Reads expressions of an entry in a scope; what is wrong goes to the collector and the answer is None. The
+    expression of a family is read once; constants in it are arrays, one value for each of its `members`."""
 
     def __init__(
         self,

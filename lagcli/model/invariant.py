@@ -21,10 +21,8 @@ class LevelFunction:
 
 @frozen_value
 class FirstIntegral:
-    """phi as it is shown, the differential rows whose combination it integrates, and charts, the best first.
-
-    Without a chart the integral is known and not enforced: the velocity row alone keeps it.
-    """
+    """phi as it is shown, the differential rows whose combination it integrates, and charts, the best first. Without a
+    chart the integral is known and not enforced: the velocity row alone keeps it."""
 
     text: str
     rows: tuple[str, ...]

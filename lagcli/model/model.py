@@ -97,11 +97,8 @@ class Coordinate:
 
 @frozen
 class Particle:
-    """Point masses.
-
-    Cartesian where `start` is given: their components are coordinates of the system, `start` and
-    `start_velocity` (K, 3) their initial values. Otherwise dependent, x_n = x_n(q, t) (D.27), with `position`.
-    """
+    """Point masses. Cartesian where `start` is given: their components are coordinates of the system, `start` and
+    `start_velocity` (K, 3) their initial values. Otherwise dependent, x_n = x_n(q, t) (D.27), with `position`."""
 
     members: Family
     mass: Expression
@@ -140,10 +137,8 @@ class Action:
 
 @frozen
 class ParticleForce:
-    """An applied force on particles; `m`, `r`, `v` in it are the particle's own.
-
-    A `constant` force (parameters, indices and `m` only) counts as the potential -F.r.
-    """
+    """An applied force on particles; `m`, `r`, `v` in it are the particle's own. A `constant` force (parameters,
+    indices and `m` only) counts as the potential -F.r."""
 
     members: Family
     action: Action

@@ -82,10 +82,8 @@ _WORDS = {"true", "false", "null", "yes", "no", "on", "off"}
 
 
 def text(template: str, title: str, *, for_editors: bool = True) -> str:
-    """The text of a new model with this title.
-
-    for_editors: whether it opens with the line that names its schema. Raises `KeyError` for a template there is not.
-    """
+    """The text of a new model with this title. for_editors: whether it opens with the line that names its schema.
+    Raises `KeyError` for a template there is not."""
     if template not in TEMPLATES:
         raise KeyError(template)
     from lagcli.input import format_schema  # here, as for the gallery

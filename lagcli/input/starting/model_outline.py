@@ -21,10 +21,8 @@ _CONSTRAINTS = ("holonomic", "rigid", "differential", "inequality")
 
 @frozen_value
 class Outline:
-    """Names by section; a family is `p[*]`, a pattern for the columns of its members.
-
-    vectors: the constraints that stand for three rows.
-    """
+    """Names by section; a family is `p[*]`, a pattern for the columns of its members. vectors: the constraints that
+    stand for three rows."""
 
     names: dict[str, tuple[str, ...]]
     vectors: frozenset[str]
