@@ -3,8 +3,8 @@
 In: `system.System`
 Out: `numeric.NumericSystem`: CasADi functions of t, q, v and parameters
 
-`numeric` offers them, made of the expressions in `parts` and, in `factorization`, of factors that are written out where
-they are small enough; `selection` holds the independent rows, `row_block` rows that belong together.
+`numeric` offers them, made of the expressions in `parts` and of the factors in `factorization`; `selection` holds the
+independent rows, `row_block` rows that belong together.
 """
 
 from lagcli.compiled.numeric import NumericSystem

@@ -61,19 +61,16 @@ def order(pattern: ca.Sparsity) -> npt.NDArray[np.intp]:
 
 def function(parts: Parts) -> ca.Function:
     """contact_values(t, q, v, p, chosen) -> the `COLUMNS` (K,) one after the other, the entries of G, the units (n,) of
-    `parts.Sizes`, the largest acceleration, those that are rounding of the forces, size and speed, all of them in the
-    `order` of contacts.
+    `parts.Sizes`, and `MotionNumbers`, all of them in the `order` of contacts.
 
-    chosen (6,): rtol; the length of the step that is looked at; the size of the motion and its speed so far, which
-    are none the smaller here; the time since the start; the time by which the point lies behind a switch at which it
-    stands. A contact without a gradient at the point has rates of 0.
+    chosen (6,): rtol; the length of the step that is looked at; size and speed of the motion so far; the time since the
+    start; the time by which the point lies behind a switch at which it stands. A contact without a gradient has rates
+    of 0.
 
-    g_t, gamma, speeds: dg/dt = G v + g_t, d2g/dt2 = G a - gamma. noise: rounding of g: of its terms and the way of
-    a step, of the size of the motion, and of the time. touching_gap: gaps of contacts that are closed as far as a
-    run can tell, within its tolerance. slow: speeds that are none: rounding, what rises no higher than rounding
-    under the forces, or what these make across a switch. lowest: heights of rebounds that are not followed. pull:
-    the largest accelerations in this motion. blurred: the rounding of gamma, whose terms may cancel as those of
-    forces do.
+    g_t, gamma, speeds: dg/dt = G v + g_t, d2g/dt2 = G a - gamma. noise: rounding of g. touching_gap: gaps of contacts
+    that are closed within the tolerance of the run. slow: speeds that are none: rounding, what rises no higher than
+    rounding under the forces, or what these make across a switch. lowest: heights of rebounds that are not followed.
+    pull: the largest accelerations in this motion. blurred: the rounding of gamma.
     """
     contacts, n = parts.contacts, parts.v.numel()
     q, v, t = parts.y[:n], parts.v, parts.t

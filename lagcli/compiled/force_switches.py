@@ -1,9 +1,5 @@
-"""Switches at which forces jump in the velocities, and those forces: they tell if a motion sticks there.
-
-A force that depends on velocities makes an acceleration, and with it the rate of what it switches on: the forces on
-both sides of a switch may push the motion onto it. Where none of that depends on velocities, rates are the same on both
-sides.
-"""
+"""Switches at which forces jump in the velocities, and those forces: on both sides they may push the motion onto the
+switch, where it sticks."""
 
 from __future__ import annotations
 

@@ -1,15 +1,11 @@
-"""Iterated Lie brackets of the fields that satisfy a block of constraint rows, in doubles (D.3).
+"""Iterated Lie brackets of the fields that satisfy a block of constraint rows, in doubles (D.3), from
 
-Values of a bracket need derivatives of values alone:
 
     omega([Y, Z]) = Y(omega(Z)) - Z(omega(Y)) - d omega(Y, Z)         (H. Cartan)
 
-A shape says how a bracket is nested: `LEAF` is a field of the kernel, a pair (a, b) the bracket of two shapes.
-
-Fields of the kernel D of the independent rows A_I and their brackets are tangent to every f = const. Up to fields
-of D a bracket is known by its values w = omega_I(Y), and brackets with fields of D come in at every level anyway.
-So a field is given by a vector u, the part in D, or by values w. `expanded_field` writes out how it is made of them,
-`factored_field` solves equations at each call.
+A shape says how a bracket is nested: `LEAF` is a field of the kernel D of the independent rows A_I, a pair the bracket
+of two shapes. All are tangent to every f = const. Up to fields of D a bracket is known by its values w = omega_I(Y), so
+that a field is given by a vector u, the part in D, or by w.
 """
 
 from __future__ import annotations

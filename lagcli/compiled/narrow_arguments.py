@@ -1,9 +1,8 @@
 """The arguments of functions of place that may be narrow, and whether one may have its feature within a step.
 
-A wall, a well or a step of a force lies where the argument of the function that makes it turns or vanishes: the
-exponent of `exp(-((x - a)/w)**2)` turns at a, and so does the divisor of `1/(1 + ((x - a)/w)**2)`; that of
-`tanh((x - a)/w)` vanishes there. Arguments are wide where their functions are narrow: their values and slopes at the
-ends of a step, and at one point between, show turns and zeros.
+A wall, a well or a step of a force lies where the argument of its function turns or vanishes: that of
+`exp(-((x - a)/w)**2)` turns at a, that of `tanh((x - a)/w)` vanishes there. Arguments are wide where their functions
+are narrow: values and slopes at the ends of a step, and at one point between, show turns and zeros.
 """
 
 from __future__ import annotations

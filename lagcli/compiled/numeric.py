@@ -8,7 +8,7 @@ lambda at an instant, from (D.24) with the rows differentiated once:
 
     S lambda = gamma - B M^-1 h,    S = B M^-1 B^T,    a = M^-1 (h + B^T lambda)
 
-S and M are factored as L D L^T with their sparsity: S by expanded graphs while those are small.
+S and M are factored as L D L^T with their sparsity.
 """
 
 from __future__ import annotations
@@ -230,8 +230,7 @@ class NumericSystem:
 
     @cached_property
     def contact_motion(self) -> ca.Function:
-        """contact_motion(t, q, v, p) -> h (n,), gamma (C,) of the equality rows and (K,) of the contacts, and the
-        entries of M, B and G: what the accelerations follow from."""
+        """contact_motion(t, q, v, p) -> h (n,), gamma of equality rows (C,) and contacts (K,), entries of M, B, G."""
         parts, contacts = self._parts, self._parts.contacts
         entries = [ca.vec(each.nz[:]) for each in (parts.M, parts.B, contacts.G)]
         outputs = map(ca.densify, (parts.h, parts.gamma, contacts.gamma, *entries))
@@ -240,8 +239,7 @@ class NumericSystem:
     @property
     def response(self) -> ca.Function:
         """response(t, q, v, p, f) -> the velocities x (n,) that an impulse f (n,) gives against the independent
-        equality rows and the impulses of those (C,); f x, f M^-1 f, and the largest B_i x of rows and x of length
-        one, which is rounding."""
+        equality rows and the impulses of those (C,), and `parts.responded`."""
         return self._way.response
 
     @cached_property

@@ -227,11 +227,8 @@ class Parts:
         return SizedFunction(name, [*state, lam], [result(self.selection, gram(*state), lam)])
 
     def holding(self, charts: Sequence[LevelExpression]) -> Parts:
-        """The parts with integrals enforced in these charts; p goes on with two constants for each, above and below.
-
-        With a, b the constants, above and below at the start over their hypotenuse, g = above b - below a; with
-        a period g = above - a less its whole periods.
-        """
+        """The parts with integrals enforced in these charts; p goes on with two constants of each, a and b: above and
+        below at the start over their hypotenuse. g = above b - below a; with a period above - a less whole periods."""
         c = ca.SX.sym("c", 2 * len(charts))
         each, g = ca.vertsplit(c), []
         for chart, a, b in zip(charts, each[::2], each[1::2], strict=True):
@@ -255,9 +252,8 @@ def build(system: System) -> Parts:
     G = contacts.G
     expressions = [system.f, B.nz[:], rows.b, rows.gamma, M.nz[:], dynamics.h, dynamics.power]
     expressions += [contacts.g, G.nz[:], contacts.g_t, contacts.gamma]
-    # Shared here, before the factorizations, which are large and have nothing left to share. The search takes
-    # time that grows faster than the model, and large models repeat small parts that share nothing. Of matrices it
-    # sees the entries alone: the zeros would take memory and time by their number.
+    # Before the factorizations, which are large and have nothing left to share. The search takes time that grows
+    # faster than the model, and sees the entries of matrices alone.
     graph = ca.vertcat(ca.vec(B.nz[:]), rows.gamma, dynamics.h, ca.vec(G.nz[:]), contacts.gamma)
     is_small = B.nnz() + G.nnz() <= SHARED_NODES and int(ca.n_nodes(graph)) <= SHARED_NODES
     if is_small:
@@ -283,7 +279,7 @@ def state_rate(parts: Parts, a: ca.SX, lam: ca.SX) -> ca.SX:
 
 
 def responded(parts: Parts, f: ca.SX, free: ca.SX, x: ca.SX) -> ca.SX:
-    """(3,): f x and f M^-1 f, free = M^-1 f, and the largest B_i x of independent rows and x of length one."""
+    """(3,): f x, f M^-1 f with free = M^-1 f, and the largest B_i x for rows and x of length one, which is rounding."""
     square = ca.dot(f, free)
     left = ca.SX(0)
     if parts.selection.independent:

@@ -14,14 +14,10 @@ T = TypeVar("T")
 
 @frozen_value
 class Program:
-    """The operations of a function written out.
-
-    steps: (operation, register of the result, registers or, for inputs and outputs, indices; value of a constant).
-    registers: how many there are; results: the number of values of the first output.
-    """
+    """steps: (operation, register of the result, registers or, for inputs and outputs, indices; value of a constant);
+    results: the number of values of the first output."""
 
     steps: tuple[tuple[str, tuple[int, ...], tuple[int, ...], float], ...]
-    registers: int
     results: int
 
     def run(
@@ -59,4 +55,4 @@ def written_out(function: ca.Function) -> Program:
         value = function.instruction_constant(k) if code == ca.OP_CONST else 0.0
         out, of = function.instruction_output(k), function.instruction_input(k)
         steps.append((names[code], tuple(out), tuple(of), value))
-    return Program(tuple(steps), int(function.sz_w()), int(function.numel_out(0)))
+    return Program(tuple(steps), int(function.numel_out(0)))

@@ -1,8 +1,5 @@
-"""Constraint rows that belong together: what they hold by structure, and how they turn and the sizes of their
-variables as functions of numbers (D.3, D.6).
-
-The rows over (q, t) are A = [B | b], the first s of them df of holonomic rows, the others forms omega_i.
-"""
+"""Constraint rows that belong together (D.3, D.6): A = [B | b] over (q, t), the first s of them df of holonomic rows,
+the others forms omega_i."""
 
 from __future__ import annotations
 

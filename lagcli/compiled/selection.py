@@ -1,10 +1,8 @@
 """Independent rows for a run, and the multipliers of all rows from those of the independent ones.
 
 Where rows are dependent, B^T lambda is unique and lambda is not (D.13 to D.22). Of all multipliers with the same
-B^T lambda those are given that make the sum of lambda_i^2 B_i M^-1 B_i^T smallest: lambda_i sqrt(B_i M^-1 B_i^T) does
-not change when a row is scaled, so that the split does not depend on how a row is written.
-
-M^-1 and S^-1 = (B M^-1 B^T)^-1 are sparse L D L^T factors, written out operation by operation.
+B^T lambda those are given that make the sum of lambda_i^2 B_i M^-1 B_i^T smallest: this split does not depend on how a
+row is scaled. M^-1 and S^-1 = (B M^-1 B^T)^-1 are sparse L D L^T factors, written out operation by operation.
 """
 
 from __future__ import annotations

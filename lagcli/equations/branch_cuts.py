@@ -48,11 +48,10 @@ SAME, PASSED, JUMPS = range(3)
 class Cuts:
     """The angles of J calls of `atan2` and `atan` in holonomic rows, and f (s,) continued across their cuts.
 
-    f depends on `references` (J,), the last entries of p: where each angle was last, counted through all turns. An
-    angle is taken within half a period of that, so that with references 0 f is what the file says. value: (t, q, p)
-    -> f; angles: (t, q, p) -> (J,), as the functions give them; periods (J,). rows, nodes, verdicts: what a turn of an
-    angle does to a row: it is the SAME, or f changes by a constant and the row is PASSED, or the row JUMPS; change:
-    (t, q, p) -> that by which a row changes, its slope, and its scale, where numbers decide.
+    f depends on `references` (J,), the last entries of p: where each angle was last, counted through all turns; with 0
+    f is what the file says. value: (t, q, p) -> f; angles: (t, q, p) -> (J,), as the functions give them; periods (J,).
+    rows, nodes, verdicts: what a turn of an angle does to a row: it is the SAME, or f changes by a constant and the row
+    is PASSED, or the row JUMPS; change: (t, q, p) -> that by which a row changes, its slope, and its scale.
     """
 
     f: ca.SX
@@ -119,9 +118,7 @@ class Cuts:
 
 def find(f: ca.SX, s: Symbols, p: ca.SX, start: tuple[float, Floats, Floats]) -> Cuts | None:
     """The cuts of holonomic rows f (s,), judged at a start t, q, p; None where they have none."""
-    if not f.numel():
-        return None
-    judged = _judged(f, s, p)
+    judged = _judged(f, s, p) if f.numel() else None
     if judged is None:
         return None
     angles, periods, rows, nodes, by, change = judged
@@ -133,17 +130,8 @@ def find(f: ca.SX, s: Symbols, p: ca.SX, start: tuple[float, Floats, Floats]) ->
     for k in passed:
         continued[rows[k]] -= turns[nodes[k]] * by[k]
     inputs = [s.t, s.q, ca.vertcat(p, references)]
-    return Cuts(
-        continued,
-        references,
-        SizedFunction("value", inputs, [continued]),
-        SizedFunction("angles", inputs, [angles]),
-        np.array(periods),
-        rows,
-        nodes,
-        verdicts,
-        change,
-    )
+    value, given = SizedFunction("value", inputs, [continued]), SizedFunction("angles", inputs, [angles])
+    return Cuts(continued, references, value, given, np.array(periods), rows, nodes, verdicts, change)
 
 
 def jumping(value: ca.SX, s: Symbols, p: ca.SX, start: tuple[float, Floats, Floats]) -> list[int]:

@@ -1,8 +1,7 @@
 """The rows of a family: its law is differentiated once, for a member that stands for all, and mapped over them.
 
-The coordinates that a member touches become symbols of their own; which rows of q they are is a
-table, one column for each member. So B, b and gamma of a thousand rows cost the derivatives of one, and what they
-share is found once.
+The coordinates that a member touches become symbols of their own; which rows of q they are is a table, one column for
+each member.
 """
 
 from __future__ import annotations

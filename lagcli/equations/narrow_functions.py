@@ -1,8 +1,7 @@
 """Laws that may hold a narrow feature of place: a wall, a step or a range of a force that is not felt from afar.
 
-A step sees forces at its stages only. A polynomial, a sine or the inverse square of a distance is seen at any of them.
 `exp(-((x - 5)/0.1)**2)`, `tanh`, `max(0, ...)` or the twelfth power of an inverse distance is nothing to rounding
-outside its range, and a step may lead over all of it.
+outside its range, and a step, which sees forces at its stages only, may lead over all of it.
 """
 
 from __future__ import annotations

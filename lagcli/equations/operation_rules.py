@@ -1,9 +1,8 @@
 """Properties of a value that follow from its operations, one after another: the sizes of its terms, which may cancel;
 if it is finite wherever the motion is; the functions in it that may jump, end or have a pole.
 
-Where terms cancel, the rounding of their sum is a part of them and not of it: a running error analysis in units of
-rounding (Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 3.3), of a sum the sizes of its
-parts, of a product and a quotient what those of its factors make of it.
+Where terms cancel, the rounding of their sum is a part of them: a running error analysis in units of rounding (Higham,
+Accuracy and Stability of Numerical Algorithms, 2nd ed., section 3.3).
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
 a, lambda and R are those of (D.24) at the row; the part of one constraint in R_k is lambda_i times its row (D.22).
 
-A dependent particle r_k = x_k(q, t) has no coordinates of its own. An equation that names it acts on it with
-lambda_i df_i/dr_k, as on any particle. One over the same coordinates that does not name it acts on it too, but how
-much of lambda_i falls to which of the particles is not determined: that is refused.
+An equation that names a dependent particle r_k = x_k(q, t) acts on it with lambda_i df_i/dr_k, as on any particle. One
+over the same coordinates that does not name it acts on it too, but how much of lambda_i falls to which of the particles
+is not determined: that is refused.
 """
 
 from __future__ import annotations

@@ -85,12 +85,8 @@ def contacts(model: nouns.Model, environment: Environment) -> ContactRows:
 
 
 def _joined(names: tuple[Row, ...], blocks: Sequence[family_rows.FamilyBlock], q: ca.SX) -> ConstraintRows:
-    """The rows of all blocks. Raises `diagnostics.ModelError` for one without coordinates.
-
-    A row in which no coordinate enters says nothing about the motion, or can never hold. A component 0 = 0 of a vector
-    equation says nothing either, but belongs to an equation that does: it stays, as a redundant row. g(q, t) dt = 0
-    moves no coordinate and demands g = 0.
-    """
+    """The rows of all blocks. Raises `diagnostics.ModelError` for one without coordinates, but for a component 0 = 0 of
+    a vector equation, which stays as a redundant row, and for g(q, t) dt = 0, which demands g = 0."""
     f, b, gamma = (_stack([getattr(block, part) for block in blocks]) for part in ("f", "b", "gamma"))
     B = ca.sparsify(ca.vertcat(ca.SX(0, q.numel()), *(block.B for block in blocks)))
     s = f.numel()
@@ -120,10 +116,9 @@ def _joined(names: tuple[Row, ...], blocks: Sequence[family_rows.FamilyBlock], q
 
 
 def with_contacts(rows: ConstraintRows, contacts: ContactRows, lam: ca.SX) -> ConstraintRows:
-    """All rows in the order of the multipliers lam (C + K,): the equality rows, then the contacts that act.
+    """All rows in the order of the multipliers lam (C + K,): the equality rows, with their f, then the contacts.
 
-    f is that of the former. The row of an open contact is 0: its gradient may have no value where it is open, as that
-    of a distance between particles that pass each other at one point.
+    The row of an open contact is 0: its gradient may have no value where it is open.
     """
     if not contacts.count:
         return rows

@@ -45,8 +45,8 @@ class System:
     on; R (N, 3) flattened, Q_R = B^T lambda + G^T lambda (n); event_values (E,): `when` of the declared events;
     T, V, energy, jacobi, power as in `energy.Dynamics`; outputs flattened.
     built_in: parameters that stand in exponents, with the values built into the expressions.
-    kinks: where the gradients of rows jump, or None where they cannot; cuts: f continued across the cuts of angles, or
-    None where there are none; jumps: where potentials, the Lagrangian or positions jump, or None where they cannot.
+    None where there are none: kinks, where the gradients of rows jump; cuts, f continued across the cuts of angles;
+    jumps, where potentials, the Lagrangian or positions jump.
     """
 
     model: nouns.Model
