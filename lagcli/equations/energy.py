@@ -155,9 +155,7 @@ class _Forces:
 def _of_free_particles(
     model: nouns.Model, true: Environment, fixed: FixedExponents
 ) -> tuple[ca.SX, dict[str, frozenset[int]]]:
-    """What acts where the dependent particles are taken as free: F_k on them, declared forces and -grad_k V, x of all
-    of them, then y, then z, (3 times their number, 1); and forces on coordinates without a particle that carries them,
-    by name, with the rows of q: they matter for what R of a dependent particle holds."""
+    """`Dynamics.applied` and `carriers`, where the dependent particles are taken as free."""
     count, s = true.dependent.size, true.symbols
     r, v = ([ca.SX.sym(f"{word} {axis}", count) for axis in "xyz"] for word in "rv")
     environment = Environment(model, s, fixed, ((r[0], r[1], r[2]), (v[0], v[1], v[2])))

@@ -48,14 +48,6 @@ def entries(matrix: ca.SX, row: Integers, column: Integers) -> ca.SX:
     return values
 
 
-@frozen
-class _Gradient:
-    """df/dr of the rows of one law by the dependent particles, (rows, 3 D), x of all before y and z."""
-
-    rows: dict[str, int]
-    B: ca.SX
-
-
 class DependentForces:
     """Gradients of constraints along dependent particles, each law differentiated when it is first asked for."""
 
@@ -70,15 +62,17 @@ class DependentForces:
         self._bodies = dict(
             zip((b.name for b in model.rigid), zip(bodies, constants, strict=True), strict=True)
         )
-        self._known: dict[str, _Gradient] = {}
+        self._known: dict[str, tuple[dict[str, int], ca.SX]] = {}
 
     def gradients(self, numbers: Integers, wanted: Sequence[rows.Row], node: tree.Reference) -> Triple:
         """df_i/dr_k of rows and dependent particles (K,). Raises `ExpressionError` where that is not determined."""
         env, base = self._environment, node.owner
-        gradient, count = self._of(base), env.dependent.size
+        if base not in self._known:
+            self._known[base] = self._gradient(base)
+        (known, B), count = self._known[base], env.dependent.size
         rank = np.searchsorted(env.dependent, numbers)
-        row = np.array([gradient.rows[one.name] for one in wanted], dtype=np.int64)
-        named: Truths = np.any(_pattern(gradient.B).reshape(-1, 3, count), axis=1)
+        row = np.array([known[one.name] for one in wanted], dtype=np.int64)
+        named: Truths = np.any(_pattern(B).reshape(-1, 3, count), axis=1)
         unnamed = np.flatnonzero(~named[row, rank])
         coordinates = named
         if unnamed.size:
@@ -96,7 +90,7 @@ class DependentForces:
                 hint = f"write the constraint with `{particle}.x`, `{particle}.y`, `{particle}.z`, or record"
                 hint += f" `multiplier({base})`"
                 raise ExpressionError("share-not-determined", message, node.start, node.end, hint)
-        x, y, z = (entries(gradient.B, row, rank + axis * count) for axis in range(3))
+        x, y, z = (entries(B, row, rank + axis * count) for axis in range(3))
         return x, y, z
 
     @cached_property
@@ -106,21 +100,19 @@ class DependentForces:
         parts = [_pattern(ca.jacobian(part, env.symbols.q)) for part in env.position(env.dependent)]
         return np.asarray(parts[0] | parts[1] | parts[2])
 
-    def _of(self, base: str) -> _Gradient:
-        if base not in self._known:
-            env, s = self._environment, self._environment.symbols
-            count = env.dependent.size
-            r, v = ca.SX.sym("r free", 3 * count), ca.SX.sym("v free", 3 * count)
-            free = Environment(self._model, s, FixedExponents(self._model), (_triple(r), _triple(v)))
-            values = self._values(base, free)
-            B = ca.jacobian(values, v if self._is_differential(base) else r)
-            true = [ca.vertcat(*env.position(env.dependent)), ca.vertcat(*env.velocity(env.dependent))]
-            B = ca.substitute([B], [r, v], true)[0]
-            names = [name for law in self._laws(base) for name in law.rows]
-            if base in self._bodies:
-                names = [f"{base}.{i}" for i in range(1, values.numel() + 1)]
-            self._known[base] = _Gradient({name: i for i, name in enumerate(names)}, B)
-        return self._known[base]
+    def _gradient(self, base: str) -> tuple[dict[str, int], ca.SX]:
+        """The rows of a law by their names, and df/dr by the dependent particles, (rows, 3 D), x of all before y, z."""
+        env, s = self._environment, self._environment.symbols
+        count = env.dependent.size
+        r, v = ca.SX.sym("r free", 3 * count), ca.SX.sym("v free", 3 * count)
+        free = Environment(self._model, s, FixedExponents(self._model), (_triple(r), _triple(v)))
+        values = self._values(base, free)
+        B = ca.jacobian(values, v if self._is_differential(base) else r)
+        true = [ca.vertcat(*env.position(env.dependent)), ca.vertcat(*env.velocity(env.dependent))]
+        names = [name for law in self._laws(base) for name in law.rows]
+        if base in self._bodies:
+            names = [f"{base}.{i}" for i in range(1, values.numel() + 1)]
+        return {name: i for i, name in enumerate(names)}, ca.substitute([B], [r, v], true)[0]
 
     def _laws(self, base: str) -> list[nouns.Law]:
         return [law for law in self._model.laws if law.members.base == base and law.members.count]

@@ -64,16 +64,12 @@ def _occurring(system: System, expressions: Iterable[ca.SX]) -> Indices:
 
 def _named(model: nouns.Model) -> frozenset[str]:
     """The names that rows use, also by way of definitions, positions and other parameters."""
-    uses: dict[str, set[str]] = {}
-    for definition in model.definitions:
-        uses[definition.name] = tree.names(definition.expression.tree)
-    for parameter in model.parameters:
-        uses[parameter.name] = set() if parameter.formula is None else tree.names(parameter.formula.tree)
+    uses = {one.name: tree.names(one.expression.tree) for one in model.definitions}
+    uses |= {one.name: tree.names(one.formula.tree) for one in model.parameters if one.formula is not None}
     for particle in model.particles:
         if particle.is_dependent:
-            uses[particle.members.base] = {
-                name for part in particle.position.parts for name in tree.names(part.tree)
-            }
+            names = (tree.names(part.tree) for part in particle.position.parts)
+            uses[particle.members.base] = set().union(*names)
     waiting = {name for law in model.laws for name in tree.names(law.equation.tree)}
     waiting |= set(uses) & set(model.particle_names if model.rigid else ())
     found: set[str] = set()

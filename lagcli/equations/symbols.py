@@ -61,11 +61,8 @@ class FixedExponents:
     input has derivatives that are not finite at x = 0 although x**2 is harmless there."""
 
     def __init__(self, model: nouns.Model) -> None:
-        self._values: dict[str, float] = {}
-        for parameter in model.parameters:
-            value = parameter.value
-            for label, number in _labelled(parameter.name, value):
-                self._values[label] = number
+        labelled = (pair for p in model.parameters for pair in _labelled(p.name, p.value))
+        self._values: dict[str, float] = dict(labelled)
         self._used: set[str] = set()
 
     def __call__(self, exponent: ca.SX) -> float | None:
@@ -89,8 +86,6 @@ class FixedExponents:
 
 class SymbolicAlgebra(Operators[ca.SX]):
     """Scalars are SX expressions, (1, 1) or columns (K, 1) over the members of a family.
-
-    What a name stands for comes from `atom` and `special`.
 
     fixed: gives the number of an exponent that depends on parameters only (it is then built in), or None.
     """

@@ -14,37 +14,45 @@ import numpy as np
 
 from lagcli.expression import tree
 from lagcli.expression.tree import ExpressionError
+from lagcli.frozen import frozen
 from lagcli.input.scalars import Formulas
-from lagcli.model import model
-from lagcli.model.family import MemberIndex
+from lagcli.model import family, model
+from lagcli.model.family import Family, MemberIndex
 from lagcli.model.model import Batch
 
 Node = tuple[int, int]  # a unit and a member of it
 
 
+@frozen
 class _Unit:
-    """A definition, or an entry of dependent particles: its formulas and the base names they use."""
+    """A definition, or the dependent particles of an entry, with their formulas."""
 
-    def __init__(self, name: str, parts: tuple[model.Expression, ...], entry: int | None, count: int) -> None:
-        self.name, self.parts, self.entry, self.count = name, parts, entry, count
-        self.uses = frozenset[str]().union(*(tree.names(part.tree) for part in parts))
+    members: Family
+    parts: tuple[model.Expression, ...]
+    entry: int | None
 
 
 def evaluation(
     formulas: Formulas, particles: Sequence[model.Particle], definitions: Sequence[model.Definition]
 ) -> tuple[str | Batch, ...]:
     """The steps of the evaluation; a circle is reported."""
-    members = _Members(formulas, particles, definitions)
-    uses = [sorted(n for name in unit.uses for n in members.by_name.get(name, ())) for unit in members.units]
+    units = [_Unit(p.members, p.position.parts, i) for i, p in enumerate(particles) if p.is_dependent]
+    units += [_Unit(family.one(d.name), (d.expression,), None) for d in definitions]
+    by_name: dict[str, list[int]] = {}
+    for number, unit in enumerate(units):
+        by_name.setdefault(unit.members.base, []).append(number)
+    names = [{name for part in unit.parts for name in tree.names(part.tree)} for unit in units]
+    uses = [sorted(n for name in used for n in by_name.get(name, ())) for used in names]
     steps: list[str | Batch] = []
     for group in _groups(uses):
-        first = members.units[group[0]]
+        first = units[group[0]]
         if len(group) > 1 or group[0] in uses[group[0]]:
-            steps += members.steps(group)
+            every = MemberIndex([particle.members for particle in particles])
+            steps += _in_order(formulas, every, {n: units[n] for n in group})
         elif first.entry is None:
-            steps.append(first.name)
-        elif first.count:
-            steps.append(Batch(first.entry, np.arange(first.count)))
+            steps.append(first.members.base)
+        elif first.members.count:
+            steps.append(Batch(first.entry, np.arange(first.members.count)))
     return tuple(steps)
 
 
@@ -82,71 +90,43 @@ def _groups(uses: list[list[int]]) -> list[list[int]]:
     return groups
 
 
-class _Members:
-    """The order of members that depend on members of the same families."""
-
-    def __init__(
-        self, formulas: Formulas, particles: Sequence[model.Particle], definitions: Sequence[model.Definition]
-    ) -> None:
-        self._formulas, self._particles = formulas, particles
-        self.units = [
-            _Unit(p.members.base, p.position.parts, i, p.members.count)
-            for i, p in enumerate(particles)
-            if p.is_dependent
-        ]
-        self.units += [_Unit(d.name, (d.expression,), None, 1) for d in definitions]
-        self.by_name: dict[str, list[int]] = {}
-        for number, unit in enumerate(self.units):
-            self.by_name.setdefault(unit.name, []).append(number)
-        self._member_index = MemberIndex([particle.members for particle in particles])
-        self._unit_of = {unit.entry: n for n, unit in enumerate(self.units) if unit.entry is not None}
-
-    def steps(self, group: list[int]) -> list[str | Batch]:
-        """Batches of members that need only members of earlier batches."""
-        needs = {(n, k): set[Node]() for n in group for k in range(self.units[n].count)}
-        for number in group:
-            for node, others in self._references(number, set(group)):
-                needs[node] |= others
-        order = graphlib.TopologicalSorter(needs)
-        with contextlib.suppress(graphlib.CycleError):  # what is in a circle is never ready
-            order.prepare()
-        steps: list[str | Batch] = []
-        while ready := order.get_ready():
-            for number in sorted({number for number, _ in ready}):
-                unit = self.units[number]
-                members = sorted(member for n, member in ready if n == number)
-                steps.append(
-                    unit.name if unit.entry is None else Batch(unit.entry, np.array(members, dtype=np.int64))
-                )
-            for node in ready:
-                del needs[node]
-            order.done(*ready)
-        if needs:
-            number, member = min(needs)
-            unit = self.units[number]
-            entry = self._particles[unit.entry] if unit.entry is not None else None
-            name = unit.name if entry is None else entry.members.names[member]
-            error = ExpressionError("circular", f"`{name}` depends on itself", 0, len(unit.parts[0].text))
-            self._formulas.trouble(unit.parts[0].origin, error)
-        return steps
-
-    def _references(self, number: int, group: set[int]) -> list[tuple[Node, set[Node]]]:
-        """For each member of a unit the members and definitions in the group that its formulas speak of."""
-        unit = self.units[number]
-        variables = {} if unit.entry is None else self._particles[unit.entry].members.variables
-        found: list[tuple[Node, set[Node]]] = []
+def _in_order(formulas: Formulas, every: MemberIndex, units: dict[int, _Unit]) -> list[str | Batch]:
+    """Batches of members that need only members of earlier batches; every: the members of all particles."""
+    of_entry = {unit.entry: n for n, unit in units.items()}
+    alone = {unit.members.base: n for n, unit in units.items() if unit.members.count == 1}
+    needs = {(n, k): set[Node]() for n, unit in units.items() for k in range(unit.members.count)}
+    for n, unit in units.items():
+        count = unit.members.count
         for node in (node for part in unit.parts for node in tree.walk(part.tree)):
-            if isinstance(node, tree.Index) and node.owner in self._member_index:
-                numbers = self._formulas.scope.indexed.numbers(node, variables)
-                targets = np.broadcast_to(numbers, unit.count)
-                entries = self._member_index.entries(targets)
-                for k, (target, entry) in enumerate(zip(targets.tolist(), entries.tolist(), strict=True)):
-                    other = self._unit_of.get(entry)
-                    if other is not None and other in group:
-                        found.append(((number, k), {(other, target - self._member_index.first(entry))}))
-            elif isinstance(node, (tree.Name, tree.Member)):
-                named = self.by_name.get(node.owner, ())
-                others = {(n, 0) for n in named if n in group and self.units[n].count == 1}
-                if others:
-                    found += [((number, k), others) for k in range(unit.count)]
-        return found
+            if isinstance(node, tree.Index) and node.owner in every:
+                numbers = formulas.scope.indexed.numbers(node, unit.members.variables)
+                targets = np.broadcast_to(numbers, count)
+                entries = every.entries(targets).tolist()
+                for k, (target, entry) in enumerate(zip(targets.tolist(), entries, strict=True)):
+                    if entry in of_entry:
+                        needs[n, k].add((of_entry[entry], target - every.first(entry)))
+            elif isinstance(node, (tree.Name, tree.Member)) and node.owner in alone:
+                for k in range(count):
+                    needs[n, k].add((alone[node.owner], 0))
+    order = graphlib.TopologicalSorter(needs)
+    with contextlib.suppress(graphlib.CycleError):  # what is in a circle is never ready
+        order.prepare()
+    steps: list[str | Batch] = []
+    while ready := order.get_ready():
+        for number in sorted({number for number, _ in ready}):
+            unit = units[number]
+            members = sorted(member for n, member in ready if n == number)
+            batch = (
+                unit.members.base if unit.entry is None else Batch(unit.entry, np.array(members, np.int64))
+            )
+            steps.append(batch)
+        for done in ready:
+            del needs[done]
+        order.done(*ready)
+    if needs:
+        number, member = min(needs)
+        unit = units[number]
+        message = f"`{unit.members.names[member]}` depends on itself"
+        error = ExpressionError("circular", message, 0, len(unit.parts[0].text))
+        formulas.trouble(unit.parts[0].origin, error)
+    return steps

@@ -12,13 +12,10 @@ from lagcli.errors import diagnostics
 from lagcli.frozen import frozen_value
 
 _INITIAL = {"value": "coordinates", "rate": "coordinates", "position": "particles", "velocity": "particles"}
-_COMPONENTS: dict[str, tuple[str, int]] = {
-    "x": ("position", 0),
-    "y": ("position", 1),
-    "z": ("position", 2),
-    "vx": ("velocity", 0),
-    "vy": ("velocity", 1),
-    "vz": ("velocity", 2),
+_COMPONENTS: dict[str, tuple[str, int | None]] = {
+    f"{prefix}{axis}": (field, i)
+    for prefix, field in (("", "position"), ("v", "velocity"))
+    for i, axis in enumerate("xyz")
 }
 
 

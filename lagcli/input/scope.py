@@ -21,6 +21,7 @@ from lagcli.model.model import CONSTANTS
 Shape = Literal["scalar", "vector", "body"]
 
 RESULT = Facts(None, frozenset(("result",)))
+REACTION = "reaction(a, ...)"  # a call that asks for a constraint
 
 
 @dataclasses.dataclass(slots=True)
@@ -60,25 +61,11 @@ class LawNames:
         self._shapes.append(shape)
         return self._member_index.add(members)
 
-    def multiplier(self, argument: tree.Node, variables: Mapping[str, Integers]) -> Either:
-        """The facts of `multiplier(argument)`. Raises `ExpressionError`."""
-        name, shapes = self._shapes_of(argument, variables, "multiplier(...)")
-        return _facts(argument, name, shapes) if shapes else RESULT
-
-    def force(self, argument: tree.Node, variables: Mapping[str, Integers]) -> None:
-        """Check the constraint of `reaction(a, argument)`, whole or one of its rows. Raises `ExpressionError`."""
-        name, shapes = self._shapes_of(argument, variables, "reaction(a, ...)")
-        if shapes and isinstance(argument, (tree.Member, tree.Index)) and argument.member:
-            _facts(argument, name, shapes, "reaction(a, ...)")
-
-    def _shapes_of(
-        self, argument: tree.Node, variables: Mapping[str, Integers], call: str
-    ) -> tuple[str, set[Shape]]:
-        """The name of a constraint and what its entries are; of laws that are not read yet none.
-
-        Where these are asked for no result is allowed, and that is reported.
-        """
-        name = _owner(argument)
+    def multiplier(
+        self, argument: tree.Node, variables: Mapping[str, Integers], call: str = "multiplier(...)"
+    ) -> Either:
+        """The facts of the multipliers of a constraint, or of one of its rows. Raises `ExpressionError`."""
+        name, member = _owner(argument), str(getattr(argument, "member", ""))
         law = self._laws.get(name)
         if law is not None and law.is_broken:
             raise namespace.broken(argument)
@@ -90,44 +77,37 @@ class LawNames:
             message = f"`{call}` takes {where}the name of a constraint"
             raise ExpressionError("unknown-constraint", message, argument.start, argument.end, hint)
         if not law.shapes:
-            return name, set()
+            return RESULT  # it is not read yet: no result is allowed here, and that is reported
         if law.is_family and not isinstance(argument, tree.Index):
             raise self._names.bare(argument, name)
         shapes: set[Shape] = set(law.shapes)
         if isinstance(argument, tree.Index):
             numbers = self._indexed.find(argument, self._member_index, law.is_family, variables)
-            shapes = {
-                self._shapes[entry] for entry in set(self._member_index.entries(numbers).tolist())
-            } or shapes
-        return name, shapes
-
-
-def _facts(argument: tree.Node, name: str, shapes: set[Shape], call: str = "multiplier(...)") -> Either:
-    """The facts of the multipliers of laws of these shapes."""
-    member = str(getattr(argument, "member", ""))
-    if len(shapes) > 1:
-        message = "some of these constraints are vector equations and some are not"
-        raise ExpressionError("vector-mismatch", message, argument.start, argument.end)
-    (shape,) = shapes
-    if shape == "body" and not member:
-        message = f"the body `{name}` has several multipliers"
-        hint = f"write `multiplier({name}.1)`, `multiplier({name}.2)`, ..."
-        raise ExpressionError("wrong-arguments", message, argument.start, argument.end, hint)
-    # The rows of a rigid body are known by number only once its geometry is; they are checked there.
-    known = {
-        "scalar": not member,
-        "vector": member in ("", *evaluate.COMPONENTS),
-        "body": member.isdigit(),
-    }
-    if known[shape]:
+            own = {self._shapes[entry] for entry in set(self._member_index.entries(numbers).tolist())}
+            shapes = own or shapes
+        if call == REACTION and not member:
+            return RESULT  # of the whole constraint, whatever it is
+        if len(shapes) > 1:
+            message = "some of these constraints are vector equations and some are not"
+            raise ExpressionError("vector-mismatch", message, argument.start, argument.end)
+        (shape,) = shapes
+        if shape == "body" and not member:
+            message = f"the body `{name}` has several multipliers"
+            hint = f"write `multiplier({name}.1)`, `multiplier({name}.2)`, ..."
+            raise ExpressionError("wrong-arguments", message, argument.start, argument.end, hint)
+        # The rows of a rigid body are known by number only once its geometry is; they are checked there.
+        is_known, hint = {
+            "scalar": (not member, f"it has one row: write `{call.replace('...', name)}`"),
+            "vector": (
+                member in ("", *evaluate.COMPONENTS),
+                f"its rows are `{name}.x`, `{name}.y`, `{name}.z`",
+            ),
+            "body": (member.isdigit(), f"its rows are numbered: `{name}.1`, `{name}.2`, ..."),
+        }[shape]
+        if not is_known:
+            message = f"the constraint `{name}` has no row `{member}`"
+            raise ExpressionError("unknown-constraint", message, argument.start, argument.end, hint)
         return (RESULT,) * 3 if shape == "vector" and not member else RESULT
-    message = f"the constraint `{name}` has no row `{member}`"
-    hint = {"scalar": f"it has one row: write `{call.replace('...', name)}`"}.get(
-        shape, f"its rows are `{name}.x`, `{name}.y`, `{name}.z`"
-    )
-    if shape == "body":
-        hint = f"its rows are numbered: `{name}.1`, `{name}.2`, ..."
-    raise ExpressionError("unknown-constraint", message, argument.start, argument.end, hint)
 
 
 VELOCITY = Facts(None, frozenset(("velocity",)), 1, 1)
@@ -240,7 +220,7 @@ class Scope:
             self._known_argument(argument, "particle", "reaction(...)")
         self._lookup(argument, variables, False)
         if len(node.arguments) > 1:
-            self.laws.force(node.arguments[1], variables)
+            self.laws.multiplier(node.arguments[1], variables, REACTION)
         return (RESULT,) * 3
 
     def _rate(self, node: tree.Call, argument: tree.Node, variables: Mapping[str, Integers]) -> Either:

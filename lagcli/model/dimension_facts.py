@@ -119,19 +119,15 @@ def _of(node: tree.Node, particles: Names, angles: Names) -> Power:
             powers = [(sign, _of(factor, particles, angles)) for sign, factor in node.factors]
             return None if any(p is None for _, p in powers) else sum(sign * (p or 0.0) for sign, p in powers)
         case tree.Call():
-            return _of_call(node, particles, angles)
+            known_function = functions.TABLE.get(node.function)
+            power = known_function.dimension if known_function else None
+            if power == 0:
+                return 0.0
+            parts = [_of(argument, particles, angles) for argument in node.arguments]
+            if power == 1 or node.function in ("norm", "distance", "d", "rate"):
+                known = {p for p in parts if p is not None}
+                return known.pop() if len(known) == 1 else None
+            if node.function in ("dot", "cross"):
+                return None if None in parts else sum(p or 0.0 for p in parts)
+            return None if power is None or parts[0] is None else power * parts[0]
     return _common(tree.children(node), particles, angles)
-
-
-def _of_call(node: tree.Call, particles: Names, angles: Names) -> Power:
-    known_function = functions.TABLE.get(node.function)
-    power = known_function.dimension if known_function else None
-    if power == 0.0:
-        return 0.0
-    parts = [_of(argument, particles, angles) for argument in node.arguments]
-    if power == 1.0 or node.function in ("norm", "distance", "d", "rate"):
-        known = {p for p in parts if p is not None}
-        return known.pop() if len(known) == 1 else None
-    if node.function in ("dot", "cross"):
-        return None if None in parts else sum(p or 0.0 for p in parts)
-    return None if power is None or parts[0] is None else power * parts[0]

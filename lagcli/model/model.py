@@ -340,14 +340,12 @@ class Model:
         # Models that are only computed with are shown nowhere.
         from lagcli.model import notebook_html
 
-        laws = [
-            (name, kind, law.equation.text)
-            for kind, every in (
-                ("holonomic", self.holonomic), ("differential", self.differential), ("inequality", self.inequality),
+        laws = []
+        for law in self.laws:
+            count, name = law.members.count, law.members.base
+            laws.append(
+                (name if count == 1 else f"{name}: {count}", type(law).__name__.lower(), law.equation.text)
             )
-            for law in every
-            for name in (law.members.base if law.members.count == 1 else f"{law.members.base}: {law.members.count}",)
-        ]  # fmt: skip
         laws += [(body.name, "rigid", f"{len(body.particles)} particles") for body in self.rigid]
         values = [(one.name, f"{one.value}") for one in self.parameters]
         counts = ", ".join(
@@ -425,9 +423,7 @@ class Model:
         if self.lagrangian is not None:
             yield self.lagrangian
         yield from self.force_expressions()
-        yield from (law.equation for law in self.holonomic)
-        yield from (law.equation for law in self.differential)
-        yield from (law.equation for law in self.inequality)
+        yield from (law.equation for law in self.laws)
         yield from (output.expression for output in self.outputs)
         yield from (event.when for event in self.events)
 

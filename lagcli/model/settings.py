@@ -149,8 +149,12 @@ def faults(settings: Simulation) -> Iterator[tuple[str, str]]:
         fault := _step_fault(settings, settings.output_step, MAX_ROWS, _OUTPUT_STEP)
     ):
         yield "output_step", fault
-    if settings.method not in METHODS:
-        yield "method", _no_method(settings.method)
+    if (name := settings.method) not in METHODS:
+        word = name.casefold().replace("-", "_").replace("stoermer", "stormer")
+        more = diagnostics.meant("methods").get(word) or diagnostics.nearest(name, METHODS)
+        sentence = f"there is no method `{name}`" if name else "the method has no name"
+        hint = f": {more}" if name and more else ""
+        yield "method", f"{sentence}; there are {', '.join(METHODS)}{hint}"
     if not 1e-15 <= settings.rtol <= 0.1:
         yield "rtol", "rtol must be between 1e-15 and 0.1"
     if settings.atol is not None and not (math.isfinite(settings.atol) and settings.atol > 0):
@@ -159,16 +163,6 @@ def faults(settings: Simulation) -> Iterator[tuple[str, str]]:
         fault := _step_fault(settings, settings.max_step, MOST_STEPS, _MAX_STEP)
     ):
         yield "max_step", fault
-
-
-def _no_method(name: str) -> str:
-    """The fault of a method that there is not."""
-    if not name:
-        return f"the method has no name; there are {', '.join(METHODS)}"
-    sentence = f"there is no method `{name}`; there are {', '.join(METHODS)}"
-    word = name.casefold().replace("-", "_").replace("stoermer", "stormer")
-    more = diagnostics.meant("methods").get(word) or diagnostics.nearest(name, METHODS)
-    return f"{sentence}: {more}" if more else sentence
 
 
 def _step_fault(settings: Simulation, step: float, most: float, sentences: tuple[str, str, str]) -> str:
