@@ -36,11 +36,9 @@ def unit(n: int) -> ca.DM:
 
 
 def newton(H: ca.DM, B: ca.DM, gradient: Floats, f: Floats, free: Flags) -> Floats | None:
-    """One Newton step (n,) for the conditions of a nearest point; None where their matrix is singular.
-
-    H (n, n): M + sum of mu_i d2f_i/dq2; B (r, n) independent rows; gradient (n,): M (q - q0); f (r,); only `free`
-    coordinates move. With the new mu:  H step + B^T mu = -gradient,  B step = -f.
-    """
+    """One Newton step (n,) for the conditions of a nearest point; None where their matrix is singular. H (n, n): M +
+    sum of mu_i d2f_i/dq2; B (r, n) independent rows; gradient (n,): M (q - q0); f (r,); only `free` coordinates move.
+    With the new mu: H step + B^T mu = -gradient, B step = -f."""
     among = np.flatnonzero(free).tolist()
     rows = B[:, among]
     matrix = ca.vertcat(ca.horzcat(H[among, among], rows.T), ca.horzcat(rows, ca.DM(f.size, f.size)))

@@ -363,11 +363,9 @@ def roundings(parts: Parts, inputs: list[ca.SX]) -> ca.SX:
 
 
 def status(parts: Parts, smallest_angle: ca.SX | float, v: ca.SX, sizes: Sizes) -> ca.SX:
-    """(3,) at a velocity v: the residual, and `rank_margin`.
-
-    The residual is the larger of what is left of the rows, as a part of the size of q, and of the largest B_i v + b_i
-    of rows left out, as a part of what v, q and t make in it: do they still follow?
-    """
+    """(3,) at a velocity v: the residual, and `rank_margin`. The residual is the larger of what is left of the rows, as
+    a part of the size of q, and of the largest B_i v + b_i of rows left out, as a part of what v, q and t make in it:
+    do they still follow?"""
     f, B = _position_rows(parts)
     residual = ca.SX(0)
     if f.numel():

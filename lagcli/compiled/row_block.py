@@ -121,11 +121,9 @@ class RowBlock:
 
 
 def variable_sizes(A: ca.DM, kinds: npt.NDArray[np.intp]) -> Floats:
-    """Sizes (N,) of variables in which the entries of rows A (C, N) are of one size; 1 where none is touched.
-
-    Variables of one of the `kinds` (N,) have one size. Entries that are tiny in their row, as at a special point,
-    say nothing of sizes.
-    """
+    """Sizes (N,) of variables in which the entries of rows A (C, N) are of one size; 1 where none is touched. Variables
+    of one of the `kinds` (N,) have one size. Entries that are tiny in their row, as at a special point, say nothing of
+    sizes."""
     rows, columns = (np.asarray(part, dtype=np.intp) for part in A.sparsity().get_triplet())
     values = np.abs(np.array(A.nonzeros(), dtype=float))
     groups = kinds[columns]

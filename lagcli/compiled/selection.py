@@ -211,12 +211,9 @@ def _solved(pattern: npt.NDArray[np.bool_], S: ca.MX, lam: ca.MX) -> ca.MX:
 
 
 def _projected(pattern: npt.NDArray[np.bool_], S: ca.MX, lam: ca.MX) -> ca.MX:
-    """Solve as `_solved` does, for a larger group, without T.
-
-    In unit rows, mu_i = lambda_i D_i^(1/2) and G = D^(-1/2) S D^(-1/2), the shortest mu with the same B^T lambda is
-    the projection of any onto the range of G, which the columns of the independent rows span:
-    G_K (G_K^T G_K)^-1 G_K^T mu.
-    """
+    """Solve as `_solved` does, for a larger group, without T. In unit rows, mu_i = lambda_i D_i^(1/2) and G = D^(-1/2)
+    S D^(-1/2), the shortest mu with the same B^T lambda is the projection of any onto the range of G, which the columns
+    of the independent rows span: G_K (G_K^T G_K)^-1 G_K^T mu."""
     k = pattern.shape[0]
     lengths = ca.sqrt(ca.diag(S) + doubles.TINY)
     unit = ca.diag(1 / lengths)

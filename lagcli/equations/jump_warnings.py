@@ -27,12 +27,9 @@ ROW_HINT = "write each surface as a condition of its own, or a step of finite wi
 
 
 def warnings(built: System) -> tuple[diagnostics.Diagnostic, ...]:
-    """The warnings of angles at their cuts, of energies, and of other rows and gaps, in this order.
-
-    One for each constraint with an angle that jumps and one for the forces; one for each potential, Lagrangian or
-    position with a jump; one for each condition of `inequality` and each holonomic row that is found to jump near the
-    start.
-    """
+    """The warnings of angles at their cuts, of energies, and of other rows and gaps, in this order. One for each
+    constraint with an angle that jumps and one for the forces; one for each potential, Lagrangian or position with a
+    jump; one for each condition of `inequality` and each holonomic row that is found to jump near the start."""
     found: list[diagnostics.Diagnostic] = []
     if not all(named_functions.ANGLES.isdisjoint(e.words) for e in named_functions.expressions(built.model)):
         for location, message in _cuts(built).items():

@@ -48,11 +48,9 @@ class UnderflowError(Exception):
 
 
 class SeriesFunction:
-    """The power series of a function's results, from those of its arguments.
-
-    is_strict: `UnderflowError` is raised for an operation with a result that varies and is below all doubles, or does
-    not vary in doubles any more. has_switches: operations ask on which side of zero the first coefficients lie.
-    """
+    """The power series of a function's results, from those of its arguments. is_strict: `UnderflowError` is raised for
+    an operation with a result that varies and is below all doubles, or does not vary in doubles any more. has_switches:
+    operations ask on which side of zero the first coefficients lie."""
 
     def __init__(self, function: ca.Function, is_strict: bool = False) -> None:
         self._is_strict = is_strict

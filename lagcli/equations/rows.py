@@ -57,11 +57,9 @@ class ContactRows:
 def equalities(
     model: nouns.Model, environment: Environment, bodies: Sequence[tuple[Geometry, Sequence[ca.SX]]]
 ) -> ConstraintRows:
-    """The rows of all equations. `bodies`: for each rigid body its geometry and the symbols of its constants.
-
-    B (C, n), b (C), gamma (C) with B v + b = 0 and B a = gamma = -(B' v + b').
-    Raises `diagnostics.ModelError` for a row without coordinates.
-    """
+    """The rows of all equations. `bodies`: for each rigid body its geometry and the symbols of its constants. B (C, n),
+    b (C), gamma (C) with B v + b = 0 and B a = gamma = -(B' v + b'). Raises `diagnostics.ModelError` for a row without
+    coordinates."""
     holonomic, differential = _RowGroup(environment), _RowGroup(environment)
     for law in model.holonomic:
         holonomic.add(law)
@@ -116,10 +114,8 @@ def _joined(names: tuple[Row, ...], blocks: Sequence[family_rows.FamilyBlock], q
 
 
 def with_contacts(rows: ConstraintRows, contacts: ContactRows, lam: ca.SX) -> ConstraintRows:
-    """All rows in the order of the multipliers lam (C + K,): the equality rows, with their f, then the contacts.
-
-    The row of an open contact is 0: its gradient may have no value where it is open.
-    """
+    """All rows in the order of the multipliers lam (C + K,): the equality rows, with their f, then the contacts. The
+    row of an open contact is 0: its gradient may have no value where it is open."""
     if not contacts.count:
         return rows
     G = contacts.G

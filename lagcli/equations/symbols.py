@@ -85,10 +85,8 @@ class FixedExponents:
 
 
 class SymbolicAlgebra(Operators[ca.SX]):
-    """Scalars are SX expressions, (1, 1) or columns (K, 1) over the members of a family.
-
-    fixed: gives the number of an exponent that depends on parameters only (it is then built in), or None.
-    """
+    """Scalars are SX expressions, (1, 1) or columns (K, 1) over the members of a family. fixed: gives the number of an
+    exponent that depends on parameters only (it is then built in), or None."""
 
     def __init__(
         self,

@@ -36,12 +36,9 @@ COMPONENTS = ("x", "y", "z")
 
 
 class Algebra(Protocol[S]):
-    """A set of scalars with their operations. Each is told its node, so that errors can be located.
-
-    atom: the scalar or vector a name stands for; special: `rate`, `d`, `multiplier`, `reaction`, functions of what is
-    written and not of a value; add: left + sign right; power: base ** exponent; function: by its name in the model
-    format.
-    """
+    """A set of scalars with their operations. Each is told its node, so that errors can be located. atom: the scalar or
+    vector a name stands for; special: `rate`, `d`, `multiplier`, `reaction`, functions of what is written and not of a
+    value; add: left + sign right; power: base ** exponent; function: by its name in the model format."""
 
     def number(self, node: tree.Number) -> S: ...
 

@@ -138,11 +138,9 @@ def _gap(node: tree.Relation, algebra: FactsAlgebra) -> Facts:
 
 
 def pieces(formulas: Formulas, law: Inequality) -> tuple[Inequality, ...]:
-    """The walls that a condition holds at once: min(g, h) >= 0 is g >= 0 and h >= 0, and so is a.z >= max(g, h).
-
-    Sums, numbers as factors and nested calls are gone through; the walls of `name` are `name[1]`, `name[2]`, ... One of
-    t alone, and a `max` of which one part is enough, stays as it is.
-    """
+    """The walls that a condition holds at once: min(g, h) >= 0 is g >= 0 and h >= 0, and so is a.z >= max(g, h). Sums,
+    numbers as factors and nested calls are gone through; the walls of `name` are `name[1]`, `name[2]`, ... One of t
+    alone, and a `max` of which one part is enough, stays as it is."""
     relation, origin = law.equation.tree, law.equation.origin
     assert isinstance(relation, tree.Relation)
     algebra = FactsAlgebra(formulas.lookup, facts.POSITION, ONE_SIDED)

@@ -22,11 +22,9 @@ POSITION = frozenset(("", "x", "y", "z", "v", "vx", "vy", "vz"))
 
 @frozen_value
 class DimensionFacts:
-    """The known dimensions, by the names of declarations, those of families without indices.
-
-    lengths: of the f of constraints, as powers of a length; angles: coordinates of which a sine, cosine or tangent is
-    taken; positions: particles.
-    """
+    """The known dimensions, by the names of declarations, those of families without indices. lengths: of the f of
+    constraints, as powers of a length; angles: coordinates of which a sine, cosine or tangent is taken; positions:
+    particles."""
 
     lengths: dict[str, float]
     angles: Names

@@ -203,10 +203,8 @@ class Differential:
 @frozen
 class Inequality:
     """g(r, q, t) = left - right >= 0: a one-sided constraint, one row for each member, written with `>=` or with `<=`.
-
-    The `equation` is a `tree.Relation` that is turned round for `<=`. restitution: the coefficients e of its impacts,
-    0 <= e <= 1, shape (K,).
-    """
+    The `equation` is a `tree.Relation` that is turned round for `<=`. restitution: the coefficients e of its impacts, 0
+    <= e <= 1, shape (K,)."""
 
     members: Family
     equation: Expression

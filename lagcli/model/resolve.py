@@ -81,11 +81,9 @@ class Leaves(Protocol[S]):
 
 
 class Resolver(Generic[S]):
-    """The names of one expression, resolved to values.
-
-    own: names that only this expression knows, such as `m`, `r`, `v` of a particle; results: what is known only of a
-    motion: multipliers, reactions, accelerations, energies and outputs.
-    """
+    """The names of one expression, resolved to values. own: names that only this expression knows, such as `m`, `r`,
+    `v` of a particle; results: what is known only of a motion: multipliers, reactions, accelerations, energies and
+    outputs."""
 
     def __init__(
         self,

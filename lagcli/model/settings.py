@@ -33,12 +33,9 @@ _MAX_STEP = (
 
 @frozen_value
 class RunSetting:
-    """A setting, with all that files and commands need of it.
-
-    meaning: one line, of the help too; holds: what stands under its key in a file; default: as the manual writes it;
-    example: a value as it is written in a file; is_option: the command line has it; instead_of: settings beside which
-    it may not stand.
-    """
+    """A setting, with all that files and commands need of it. meaning: one line, of the help too; holds: what stands
+    under its key in a file; default: as the manual writes it; example: a value as it is written in a file; is_option:
+    the command line has it; instead_of: settings beside which it may not stand."""
 
     meaning: str
     holds: str = _EXPRESSION
@@ -50,11 +47,9 @@ class RunSetting:
 
 @frozen_value
 class Simulation:
-    """The settings of a run: times in the model's unit, `keep` in names of coordinates (`theta`, `a`, `a.x`).
-
-    A setting is a field here, with what it is, and one of `RunSettings`: the model file and its schema, the options of
-    all commands that make runs, their help, and the keywords in Python have it from here.
-    """
+    """The settings of a run: times in the model's unit, `keep` in names of coordinates (`theta`, `a`, `a.x`). A setting
+    is a field here, with what it is, and one of `RunSettings`: the model file and its schema, the options of all
+    commands that make runs, their help, and the keywords in Python have it from here."""
 
     start: Annotated[
         float, RunSetting("time of the initial values", default="0", example="1", is_option=False)
