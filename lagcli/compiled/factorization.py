@@ -54,7 +54,6 @@ class SystemFunctions:
 
     @cached_property
     def response(self) -> ca.Function:
-        """See `NumericSystem.response`."""
         parts = self._parts
         f = ca.SX.sym("f", parts.v.numel())
         free, B = parts.inertia(f), parts.B_independent

@@ -146,7 +146,6 @@ class _Functions:
 
     @staticmethod
     def sign(a: Number) -> Decimal:
-        """The slope of a modulus."""
         return Decimal(PLAIN["sign"](_first(a)))
 
 

@@ -74,7 +74,6 @@ class _Kind(NamedTuple):
     crosses: bool
 
     def or_smaller(self, other: _Kind) -> _Kind:
-        """The kind of an argument of two functions."""
         absolute, relative = min(self.absolute, other.absolute), min(self.relative, other.relative)
         # That of an argument whose functions are of both kinds is the number.
         both = (1.0, 0.0) if self.absolute != other.absolute else (absolute, relative)

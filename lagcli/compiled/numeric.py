@@ -93,7 +93,6 @@ class NumericSystem:
 
     @cached_property
     def narrow_arguments(self) -> NarrowArguments | None:
-        """See `narrow_arguments.find`."""
         if not self.has_narrow_functions:
             return None
         # Most models have no such function.
@@ -223,7 +222,6 @@ class NumericSystem:
 
     @cached_property
     def contact_values(self) -> ca.Function:
-        """See `contact_values.function`."""
         from lagcli.compiled import contact_values
 
         return contact_values.function(self._parts)
@@ -249,7 +247,6 @@ class NumericSystem:
 
     @cached_property
     def gap_floors(self) -> ca.Function:
-        """See `contact_values.floors`."""
         from lagcli.compiled import contact_values
 
         return contact_values.floors(self._parts)
@@ -291,7 +288,6 @@ class NumericSystem:
 
     @cached_property
     def force_switches(self) -> ForceSwitches | None:
-        """See `force_switches.find`."""
         if not named_functions.velocity_switches(self._system.model):
             return None
         # Most models have no such force.

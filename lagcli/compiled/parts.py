@@ -62,7 +62,6 @@ class Parts:
 
     @cached_property
     def force(self) -> ca.Function:
-        """See `NumericSystem.force`."""
         q = self.y[: self.v.numel()]
         return SizedFunction("force", [self.t, q, self.v, self.p], [self.h, self.gamma, self.power])
 
@@ -85,7 +84,6 @@ class Parts:
 
     @property
     def inputs(self) -> list[ca.SX]:
-        """The arguments (t, y, p) of every function."""
         return [self.t, self.y, self.p]
 
     @cached_property
@@ -149,17 +147,14 @@ class Parts:
 
     @cached_property
     def B_independent(self) -> ca.SX:
-        """The independent rows of B."""
         return self.of(self.selection.independent, self.B, self.acting.G)
 
     @cached_property
     def b_independent(self) -> ca.SX:
-        """b of the independent rows."""
         return self.of(self.selection.independent, self.b, self.acting.g_t)
 
     @cached_property
     def gamma_independent(self) -> ca.SX:
-        """gamma of the independent rows."""
         return self.of(self.selection.independent, self.gamma, self.acting.gamma)
 
     @cached_property
@@ -181,7 +176,6 @@ class Parts:
         return [i for i in self.selection.present if i >= C]
 
     def keeping(self, selection: Selection) -> Parts:
-        """The parts stepped with other independent rows."""
         return dataclasses.replace(self, selection=selection)
 
     def switched(self, selection: Selection) -> Parts | None:

@@ -35,7 +35,6 @@ def watched(matrix: ca.SX) -> tuple[Solve, ca.SX | float]:
         inverse = 1 / ca.diag(matrix)
 
         def scaled(right: ca.SX) -> ca.SX:
-            """Each row of a matrix, times its factor."""
             if right.shape[1] == 1:
                 return inverse * right
             rows = np.asarray(right.sparsity().row(), dtype=np.int64)

@@ -66,7 +66,6 @@ class Cuts:
 
     @property
     def count(self) -> int:
-        """J."""
         return len(self.periods)
 
     @property

@@ -146,13 +146,11 @@ class MemberLeaves:
         return self._c[name]
 
     def definition(self, name: str) -> Value:
-        """The value of a definition, evaluated over these leaves."""
         return evaluate.value(
             self._environment.names.definitions[name], self._environment.algebra(leaves=self)
         )
 
     def rate(self, value: ca.SX) -> ca.SX:
-        """d/dt of a function of (u, t)."""
         return rate(value, self.q, self.v, self.t)
 
     differential = rate

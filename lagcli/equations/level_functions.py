@@ -58,7 +58,6 @@ def charts(system: System, written: Sequence[invariant.LevelFunction]) -> Charts
     values |= {name: s.q[i] for i, name in enumerate(system.model.coordinate_names)}
 
     def atom(node: tree.Reference) -> Value:
-        """A name, a component, or a member of a family with its indices as numbers."""
         name = family.name(node.owner, (int(integers.evaluate(i, unknown)) for i in node.indices))
         name += f".{node.member}" if node.member else ""
         if name not in values:

@@ -70,8 +70,6 @@ def are_any(model: nouns.Model, has_contacts: bool) -> bool:
 
 
 class _Names:
-    """The values of names."""
-
     def __init__(self, model: nouns.Model) -> None:
         self.meanings = {d.name: d.expression.tree for d in model.definitions}
         self._particles = {particle.members.base for particle in model.particles}
@@ -89,7 +87,6 @@ class _Names:
         return names
 
     def look(self, node: tree.Node, variables: Mapping[str, object]) -> evaluate.Value[MotionOrder]:
-        """The value of an expression. Raises `_Narrow`."""
         algebra = _OrderAlgebra(self, variables)
         sides = (node.left, node.right) if isinstance(node, tree.Relation) else (node,)
         for side in sides:
@@ -117,8 +114,6 @@ def _require_wide(value: MotionOrder) -> None:
 
 
 class _OrderAlgebra:
-    """`evaluate.Algebra` of orders."""
-
     def __init__(self, names: _Names, variables: Mapping[str, object]) -> None:
         self._names, self._variables = names, variables
 
@@ -161,7 +156,6 @@ class _OrderAlgebra:
         return MotionOrder((left.order or 0.0) - right.order)
 
     def power(self, node: tree.Node, base: MotionOrder, exponent: MotionOrder) -> MotionOrder:
-        """base ** exponent; what is no number may be anything."""
         if base.order is None and exponent.order is None:
             return _CONSTANT
         # A wave to a high power is a row of peaks.

@@ -121,7 +121,6 @@ class DependentForces:
         return any(law.members.base == base for law in self._model.differential)
 
     def _values(self, base: str, env: Environment) -> ca.SX:
-        """left - right of all rows of a constraint."""
         if base in self._bodies:
             body = next(body for body in self._model.rigid if body.name == base)
             geometry, constants = self._bodies[base]
@@ -136,7 +135,6 @@ def _triple(column: ca.SX) -> Triple:
 
 
 def _pattern(matrix: ca.SX) -> Truths:
-    """True where a matrix has entries."""
     found = np.zeros(matrix.shape, dtype=bool)
     rows_, columns_ = matrix.sparsity().get_triplet()
     found[rows_, columns_] = True
@@ -253,7 +251,6 @@ class OutputValues:
         return environment.taken(self._solved.lam, numbers)
 
     def _row(self, node: Reference, name: str) -> int:
-        """The number of a row by its name. Raises `ExpressionError`."""
         if name not in self._rows:
             message = f"there is no multiplier `{name}`"
             known = [row for row in self._rows if row.startswith(name.rpartition(".")[0] + ".")]

@@ -29,7 +29,6 @@ class PowerSeries(NamedTuple):
 
     @property
     def known(self) -> int:
-        """The number of coefficients that are known."""
         return int(self.c.size)
 
 
@@ -144,7 +143,6 @@ def _scaled(a: PowerSeries, factor: float) -> PowerSeries:
 
 
 def _shifted(a: PowerSeries, value: float) -> PowerSeries:
-    """a + value."""
     return _sum(a, constant(value, a.known))
 
 

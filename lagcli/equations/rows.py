@@ -50,7 +50,6 @@ class ContactRows:
 
     @property
     def count(self) -> int:
-        """K."""
         return len(self.rows)
 
 

@@ -55,7 +55,6 @@ def rows(law: nouns.Holonomic | nouns.Differential | nouns.RigidBody | nouns.Ine
 
 
 def _sizes(model: nouns.Model) -> list[tuple[int, diagnostics.Location]]:
-    """The size and the location of each entry."""
     sizes = [(3 * p.members.count, p.location) for p in model.particles]
     sizes += [(c.members.count, c.location) for c in model.coordinates]
     for law in model.constraints():
@@ -65,7 +64,6 @@ def _sizes(model: nouns.Model) -> list[tuple[int, diagnostics.Location]]:
 
 
 def _too_large(message: str, sizes: list[tuple[int, diagnostics.Location]]) -> diagnostics.ModelError:
-    """The error, at the largest entry."""
     _, location = max(sizes, key=lambda each: each[0])
     hint = "model fewer members"
     return diagnostics.error("too-large-to-build", message, location, hint)

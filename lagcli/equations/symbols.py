@@ -80,7 +80,6 @@ class FixedExponents:
         return tuple((name, self._values[name]) for name in sorted(self._used))
 
     def value(self, name: str) -> float:
-        """The value a parameter has in this model."""
         return self._values[name]
 
 
@@ -129,7 +128,6 @@ class SymbolicAlgebra(Operators[ca.SX]):
 
 
 def _product_power(base: ca.SX, exponent: int) -> ca.SX:
-    """base ** exponent by repeated squaring."""
     if exponent == 0:
         return ca.SX(1)
     half = _product_power(base, exponent // 2)

@@ -258,7 +258,6 @@ def constant(fact: Facts) -> Value:
 
 
 def _written(node: tree.Node) -> str:
-    """A name, or a call of a name, as it is written."""
     match node:
         case tree.Name() | tree.Member():
             return f"{node.owner}.{node.member}" if node.member else node.owner

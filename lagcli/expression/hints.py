@@ -78,7 +78,6 @@ def character(text: str, at: int) -> str:
 
 @functools.cache
 def _common_functions() -> frozenset[str]:
-    """The names of the functions of one number."""
     from lagcli.expression import functions  # here, as what loads no numbers reads formulas too
 
     return functions.named(lambda row: row.arguments == 1)

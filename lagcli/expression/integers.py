@@ -85,8 +85,6 @@ def _exact(node: tree.Node, lookup: Lookup) -> Exact:
 
 
 class _ExactAlgebra:
-    """Exact numbers as an algebra for `expression.evaluate`."""
-
     def __init__(self, lookup: Lookup) -> None:
         self._lookup = lookup
 
@@ -171,7 +169,6 @@ def _whole(node: tree.Node, value: Exact, message: str) -> Integers:
 
 
 def _refuse(node: tree.Node, failing: Truth, message: str, code: str = "not-a-whole-number") -> None:
-    """Raise where something fails, at the first failing member."""
     if failing is not False and np.any(failing):
         member = int(np.argmax(failing)) if np.ndim(failing) else None
         hint = _RULE if code == "not-a-whole-number" else ""

@@ -57,7 +57,6 @@ class Intervals:
         return (low, high) if low <= high else (-math.inf, math.inf)
 
     def wide(self, low: End, high: End) -> Ends:
-        """A range widened by rounding."""
         return low - INTERVAL_ROUNDOFF * abs(low), high + INTERVAL_ROUNDOFF * abs(high)
 
     def least(self, *numbers: End) -> End:

@@ -92,7 +92,6 @@ class _Parser:
         return node
 
     def range(self) -> tree.Range:
-        """The whole text as a range."""
         hint = "a range is written `i = 1..N`"
         name = self._peek()
         if name.kind == "end":
@@ -138,7 +137,6 @@ class _Parser:
         return token
 
     def _end(self) -> int:
-        """Offset after the token before."""
         return self._starts[self._at - 1] + len(self._texts[self._at - 1])
 
     def _expect(self, kind: str, opened: Token) -> None:
@@ -217,7 +215,6 @@ class _Parser:
         return tree.Product(start, self._end(), tuple(factors))
 
     def _factor(self) -> tree.Node:
-        """A power, or one with a sign before it."""
         at = self._at
         kind = self._kinds[at]
         if kind in ("+", "-"):
@@ -270,7 +267,6 @@ class _Parser:
         return inner
 
     def _grouped(self) -> tree.Node:
-        """The contents of parentheses."""
         return self._sum()
 
     def _items(self, closing: str, opened: Token) -> tuple[tree.Node, ...]:
@@ -288,7 +284,6 @@ class _Parser:
         return tuple(items)
 
     def _named(self) -> tree.Node:
-        """A name and what hangs on it: arguments, indices, a member."""
         at = self._at
         self._at = at + 1
         name, start = self._texts[at], self._starts[at]
@@ -360,8 +355,6 @@ _TRUTHS = (tree.ComparisonNode, tree.Not, tree.And, tree.Or)
 
 
 class _ConditionParser(_Parser):
-    """One relation, `>=` or `<=`, between two expressions."""
-
     def condition(self) -> tree.Relation:
         """The whole text as a condition, so that left - right is not negative."""
         if self._kinds[0] == "end":
@@ -391,8 +384,6 @@ class _ConditionParser(_Parser):
 
 
 class _CrossingParser(_Parser):
-    """An expression in whose place many write a relation."""
-
     def _unexpected(self, relations: tuple[str, ...] = ()) -> ExpressionError:
         token = self._peek()
         if token.kind in _RELATIONS:
@@ -413,7 +404,6 @@ class _FilterParser(_Parser):
                 self._kinds[i] = self._texts[i]
 
     def filter(self) -> tree.Node:
-        """The whole text as a filter."""
         if self._kinds[0] == "end":
             raise ExpressionError("syntax", "a filter is missing", 0, 1, "for example `i != j`")
         node = self._grouped()
@@ -470,7 +460,6 @@ class _FilterParser(_Parser):
         super()._expect(kind, opened)
 
     def _unjoined(self, token: Token) -> ExpressionError:
-        """The error for a token that cannot go on from what stands before it."""
         if token.kind == "=":
             message, hint = "a single `=` does not compare", "write `==`"
         elif token.kind in ("name", "not"):

@@ -28,9 +28,7 @@ class Program(Protocol):
         inputs: Sequence[Sequence[Pair]],
         constant: Callable[[float], Pair],
         result: Callable[..., Pair],
-    ) -> list[Pair]:
-        """The values of its first output."""
-        ...
+    ) -> list[Pair]: ...
 
 
 def of(program: Program, inputs: Sequence[Floats]) -> Floats:

@@ -35,7 +35,6 @@ class Token:
 
     @property
     def end(self) -> int:
-        """Offset after the last character."""
         return self.start + len(self.text)
 
 

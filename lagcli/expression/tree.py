@@ -63,7 +63,6 @@ class Name(Node):
 
     @property
     def owner(self) -> str:
-        """The name, as of what has indices or a member."""
         return self.name
 
 

@@ -47,7 +47,6 @@ def differential(formulas: Formulas, entry: yaml_tree.AnyNode) -> Differential |
 
 
 def _equation(formulas: Formulas, entry: yaml_tree.AnyNode, section: str) -> Expression | None:
-    """The equation of an entry, written shortly or under `equation:`."""
     node = entries.written(formulas, entry, section, "equation")
     if isinstance(node, yaml_tree.Sequence):
         message = "an equation is needed here, and this is a list"

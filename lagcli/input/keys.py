@@ -28,7 +28,6 @@ class Key:
     one_of: tuple[tuple[str, ...], ...] = ()
 
     def key(self, name: str) -> Key:
-        """The key `name` below this one."""
         return next(key for key in self.keys if key.name == name)
 
     @property
@@ -43,7 +42,6 @@ _FAMILY = (
 
 
 def _equation(example: str) -> tuple[Key, ...]:
-    """The keys of a constraint that is written at length."""
     meaning = "the constraint, where the entry is written at length"
     return (Key("equation", "equation", meaning, example=example), *_FAMILY)
 

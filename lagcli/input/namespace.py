@@ -45,7 +45,6 @@ class Entry:
 
     @property
     def is_reached(self) -> bool:
-        """True if it may be used from here on."""
         return self.find is not None or self.value is not None
 
 
@@ -104,24 +103,19 @@ class Namespace:
             entry.find, entry.uses = find, frozenset(uses)
 
     def kind(self, base: str) -> Kind | None:
-        """The kind of thing that the name was declared as."""
         keys = self._keys.get(base)
         return self._entries[keys[0]].kind if keys else None
 
     def is_broken(self, base: str) -> bool:
-        """True if something is wrong with a name that has been reported."""
         return any(self._entries[key].value is BROKEN for key in self._keys.get(base, ()))
 
     def is_family(self, base: str) -> bool:
-        """True if a name has members."""
         return base in self._families
 
     def is_reached(self, base: str) -> bool:
-        """True if all entries of a declared name may be used from here on."""
         return all(self._entries[key].is_reached for key in self._keys[base])
 
     def of(self, *kinds: Kind) -> list[str]:
-        """All declared base names of these kinds, in order."""
         return [base for base in self._keys if self.kind(base) in kinds]
 
     def keys(self, base: str, numbers: Iterable[int]) -> list[str]:
@@ -145,14 +139,12 @@ class Namespace:
         return None if isinstance(entry.value, str) else entry.value
 
     def value(self, node: tree.Node, name: str) -> Either:
-        """The facts of what has a name of its own. Raises `ExpressionError`."""
         keys = self._keys.get(name)
         if not keys:
             raise self.unknown(node, name)
         return self.value_of(node, keys[0], name)
 
     def value_of(self, node: tree.Node, key: str, name: str) -> Either:
-        """The facts of one entry. Raises `ExpressionError`."""
         entry = self._entries[key]
         if not entry.is_reached:
             message, hint = f"the {entry.kind} `{name}` is used before it is declared", ""
@@ -215,7 +207,6 @@ class Namespace:
         return ExpressionError("unknown-name", f"the name `{name}` is not known", node.start, node.end, hint)
 
     def bare(self, node: tree.Node, name: str) -> ExpressionError:
-        """The error for a family that stands without an index."""
         if self.is_broken(name):
             return broken(node)
         rule = "alone it means all its members, and only in lists such as `to:`"
@@ -249,7 +240,6 @@ class Indexed:
         self.structure: dict[str, float] = {}
 
     def integer_lookup(self, variables: Mapping[str, Integers]) -> Callable[[tree.Name], float | Integers]:
-        """The lookup in an integer expression: parameters and index variables."""
         names = self._names
 
         def lookup(node: tree.Name) -> float | Integers:

@@ -99,7 +99,6 @@ def _set_field(
     path: tuple[str, str, str, int | None],
     value: yaml_tree.AnyNode,
 ) -> yaml_tree.Mapping:
-    """The document with a field of an entry changed, or one component of it."""
     section, owner, field, axis = path
     entries = root.get(section)
     entry = entries.get(owner) if isinstance(entries, yaml_tree.Mapping) else None

@@ -46,7 +46,6 @@ def _word(
     default: str,
     words: Mapping[str, Word],
 ) -> Word | None:
-    """The word under a key, or None with the error reported."""
     if key not in found:
         return words[default]
     node = found[key]
@@ -86,7 +85,6 @@ def simulation(
 def _setting(
     formulas: Formulas, key: str, node: yaml_tree.AnyNode, particles: tuple[model.Particle, ...]
 ) -> object:
-    """The value of one setting, None where it has none, which is reported."""
     kind, _ = settings.table()[key]
     if kind in (str, bool):
         text = entries.text(formulas, node).strip()

@@ -63,7 +63,6 @@ class Formulas:
         return Formulas(self.scope, self.found, members, self._reading)
 
     def report(self, node: yaml_tree.AnyNode, code: str, message: str, hint: str = "") -> None:
-        """An error at a node of the document."""
         if isinstance(node, yaml_tree.Scalar) and node.is_torn:
             hint = yaml_tree.QUOTES
         self.found.add(diagnostics.Diagnostic(code, message, node.location, hint))
@@ -90,7 +89,6 @@ class Formulas:
         return f" (first where {self.members.at(member)})"
 
     def parse(self, node: yaml_tree.AnyNode, read: Callable[[str], tree.Node]) -> Expression | None:
-        """The expression written in `node`."""
         if not isinstance(node, yaml_tree.Scalar):
             shape, hint = "mapping", "write the expression itself after the colon"
             if isinstance(node, yaml_tree.Sequence):
@@ -167,7 +165,6 @@ class Formulas:
         return expression if is_right else None
 
     def constant(self, node: yaml_tree.AnyNode, subject: str) -> float | None:
-        """The value of an expression of parameters."""
         found = self.written_constants(node, subject)
         return None if found is None else float(found[1][0])
 
@@ -207,7 +204,6 @@ class Formulas:
     def vector_facts(
         self, vector: VectorExpression, allowed: frozenset[Flag], subject: str, lookup: Lookup | None = None
     ) -> tuple[Facts, Facts, Facts] | None:
-        """Facts of the three components, or None."""
         if len(vector.parts) == 1:
             algebra = FactsAlgebra(lookup or self.lookup, allowed, subject)
             return self.checked(evaluate.vector, vector.parts[0], algebra)

@@ -137,7 +137,6 @@ class Scope:
         return lambda node: self._lookup(node, members.variables, own)
 
     def lookup(self, node: tree.Node) -> Either:
-        """The facts a leaf or special call stands for in an expression of no family."""
         return self._lookup(node, {}, False)
 
     def _lookup(self, node: tree.Node, variables: Mapping[str, Integers], own: bool) -> Either:

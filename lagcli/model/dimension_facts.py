@@ -95,7 +95,6 @@ def _common(nodes: Iterable[tree.Node], particles: Names, angles: Names) -> Powe
 
 
 def _of(node: tree.Node, particles: Names, angles: Names) -> Power:
-    """The dimension of one term."""
     match node:
         case tree.Number():
             return 0.0

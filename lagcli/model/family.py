@@ -28,11 +28,9 @@ class Family:
 
     @property
     def count(self) -> int:
-        """K."""
         return len(self.names)
 
     def taken(self, numbers: Integers) -> dict[str, Integers]:
-        """The index variables at some of the members."""
         return {name: values[numbers] for name, values in self.variables.items()}
 
     def at(self, number: int) -> str:
@@ -97,7 +95,6 @@ class MemberIndex:
         return next((len(indices) for indices in self._numbers[base]), None)
 
     def family(self, base: str) -> list[int]:
-        """The numbers of all members of a base name."""
         return list(self._numbers[base].values())
 
     def ends(self, base: str) -> tuple[Indices, Indices]:
@@ -119,9 +116,7 @@ class MemberIndex:
         return numbers
 
     def entries(self, numbers: Integers) -> Integers:
-        """The entries to which the members of these numbers belong."""
         return np.searchsorted(np.array(self._ends, dtype=np.int64), numbers, side="right")
 
     def first(self, entry: int) -> int:
-        """The number of the first member of an entry."""
         return self._ends[entry - 1] if entry else 0

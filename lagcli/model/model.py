@@ -45,7 +45,6 @@ class Expression:
 
     @functools.cached_property
     def words(self) -> frozenset[str]:
-        """The words of its tree, as `tree.words` has them."""
         return tree.words(self.tree)
 
     @property
@@ -61,7 +60,6 @@ class VectorExpression:
 
     @property
     def location(self) -> diagnostics.Location:
-        """The location at which it begins."""
         return self.parts[0].location
 
 
@@ -131,7 +129,6 @@ class Action:
     acting: Integers
 
     def variables(self, members: Family) -> dict[str, Integers]:
-        """The index variables of the force at each pair."""
         return {name: values[self.acting] for name, values in members.variables.items()}
 
 
@@ -372,7 +369,6 @@ class Model:
 
     @property
     def constants(self) -> dict[str, float]:
-        """The constants that expressions of this model know without a declaration."""
         own = {one.name for one in self.parameters} | {one.name for one in self.definitions}
         own |= {one.members.base for one in self.coordinates} | {one.members.base for one in self.particles}
         own |= {one.members.base for one in self.outputs}
@@ -380,12 +376,10 @@ class Model:
 
     @property
     def particle_names(self) -> tuple[str, ...]:
-        """The N particles."""
         return tuple(name for particle in self.particles for name in particle.members.names)
 
     @property
     def generalized_names(self) -> tuple[str, ...]:
-        """The generalized coordinates."""
         return tuple(name for coordinate in self.coordinates for name in coordinate.members.names)
 
     @property
@@ -405,7 +399,6 @@ class Model:
         )
 
     def location(self, coordinate: str) -> diagnostics.Location:
-        """The location at which one of `coordinate_names` was declared."""
         for entry in self.coordinates:
             if coordinate in entry.members.names:
                 return entry.location
@@ -426,7 +419,6 @@ class Model:
         yield from (event.when for event in self.events)
 
     def force_expressions(self) -> Iterator[Expression]:
-        """The expressions of all that is declared under `forces`."""
         return (expression for force in self.forces for expression in expressions_of(force))
 
     @property

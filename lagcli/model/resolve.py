@@ -97,7 +97,6 @@ class Resolver(Generic[S]):
         self._results = results
 
     def atom(self, node: Reference) -> Value[S]:
-        """A name, a component, or a member of a family."""
         names = self._names
         if isinstance(node, tree.Name):
             return self._named(node)

@@ -32,7 +32,6 @@ class GalleryModel:
         return text.removeprefix(f"{format_schema.EDITOR_LINE}\n")
 
     def title(self) -> str:
-        """The title in the file, or nothing."""
         from lagcli import yaml_tree
 
         node = yaml_tree.parse(self.text(), self.name).get("title")
