@@ -226,25 +226,21 @@ class OutputValues:
         # One entry for each pair of a particle and a row that acts on it.
         member = np.repeat(np.arange(count), [len(found) for found in wanted])
         row = np.array([i for found in wanted for i in found], dtype=np.int64)
-        x, y, z = self._gradients(numbers[member], row, law)
-        lam = environment.taken(self._solved.lam, row)
-        force = [environment.scattered(lam * part, member, count) for part in (x, y, z)]
-        return force[0], force[1], force[2]
-
-    def _gradients(self, numbers: Integers, row: Integers, law: Reference) -> Triple:
-        """The components of B along particles (K,) in rows (K,)."""
-        env = self._environment
-        found = Columns(numbers.size)
-        cartesian = np.flatnonzero(~env.is_dependent[numbers])
+        env, acted = self._environment, numbers[member]
+        gradients = Columns(acted.size)
+        cartesian = np.flatnonzero(~env.is_dependent[acted])
         if cartesian.size:
-            B, first = self._solved.rows.B, env.rows_of(numbers[cartesian])
+            B, first = self._solved.rows.B, env.rows_of(acted[cartesian])
             parts = [entries(B, row[cartesian], first + axis) for axis in range(3)]
-            found.fill(cartesian, tuple(parts))
-        dependent = np.flatnonzero(env.is_dependent[numbers])
+            gradients.fill(cartesian, tuple(parts))
+        dependent = np.flatnonzero(env.is_dependent[acted])
         if dependent.size:
-            wanted = [self._solved.rows.rows[i] for i in row[dependent].tolist()]
-            found.fill(dependent, self._forces.gradients(numbers[dependent], wanted, law))
-        return found.vectors(np.arange(numbers.size))
+            declared = [self._solved.rows.rows[i] for i in row[dependent].tolist()]
+            gradients.fill(dependent, self._forces.gradients(acted[dependent], declared, law))
+        lam = environment.taken(self._solved.lam, row)
+        every = gradients.vectors(np.arange(acted.size))
+        x, y, z = (environment.scattered(lam * part, member, count) for part in every)
+        return x, y, z
 
     def _lam_of(self, node: Reference, names: list[str]) -> ca.SX:
         numbers = np.array([self._row(node, name) for name in names], dtype=np.int64)

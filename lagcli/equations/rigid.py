@@ -62,7 +62,20 @@ def geometry(points: Floats) -> Geometry:
     if size == 0.0:
         raise DegenerateBody
     points = offsets / size  # squares of lengths neither overflow nor vanish
-    base, directions = _base(points)
+    # The first particles that span the body, each well off the span of those before it, and an orthonormal basis (k, 3)
+    # of the differences of their positions.
+    base, directions = [0], np.zeros((0, 3))
+    extent = np.linalg.norm(points, axis=1).max()
+    while len(base) < 4:
+        rest = points - points @ directions.T @ directions
+        lengths = np.linalg.norm(rest, axis=1)
+        well = np.flatnonzero(lengths > WELL * extent)
+        k = int(well[0]) if well.size else int(np.argmax(lengths))
+        # A fourth particle that is only a little off the plane of three is described by its height over them.
+        if not well.size and (lengths[k] <= doubles.ZERO * extent or len(base) == 3):
+            break
+        base.append(k)
+        directions = np.vstack([directions, rest[k] / lengths[k]])
     pairs = tuple(itertools.combinations(range(len(base)), 2))
     # In the order of the specification: (1,2), (1,3), (2,3), (1,4), ...
     pairs = tuple(sorted(pairs, key=lambda pair: (pair[1], pair[0])))
@@ -81,23 +94,3 @@ def geometry(points: Floats) -> Geometry:
         if np.abs(heights).max(initial=0.0) * np.linalg.norm(normal) > 1e-12:
             gamma = heights / size
     return Geometry(tuple(base), pairs, distances, further, alpha, gamma)
-
-
-def _base(points: Floats) -> tuple[list[int], Floats]:
-    """The first particles that span the body, each well off the span of those before it, and an orthonormal basis
-    (k, 3) of the differences of their positions."""
-    base = [0]
-    directions = np.zeros((0, 3))
-    offsets = points - points[0]
-    size = np.linalg.norm(offsets, axis=1).max()
-    while len(base) < 4:
-        rest = offsets - offsets @ directions.T @ directions
-        lengths = np.linalg.norm(rest, axis=1)
-        well = np.flatnonzero(lengths > WELL * size)
-        k = int(well[0]) if well.size else int(np.argmax(lengths))
-        # A fourth particle that is only a little off the plane of three is described by its height over them.
-        if not well.size and (lengths[k] <= doubles.ZERO * size or len(base) == 3):
-            break
-        base.append(k)
-        directions = np.vstack([directions, rest[k] / lengths[k]])
-    return base, directions

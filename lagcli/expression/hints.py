@@ -86,42 +86,38 @@ def _common_functions() -> frozenset[str]:
 def between(before: tuple[str, str], token: tuple[str, str], earlier: tuple[str, str]) -> str:
     """For two things without an operator between them; each is (kind, text), `earlier` stands before `before`."""
     kind, text = before
+    following, word = token
     if kind == "number":
-        return _after_number(text, token, earlier)
-    if token[0] == "(" and kind == "name" and earlier[0] == ".":
+        if following == "number":
+            one = "a number is written without spaces; the components of a vector have commas between them"
+            return "a number has one decimal point" if word.startswith(".") else one
+        if following != "name":
+            power = "; a power of a function is written `sin(x)**2`" if earlier[0] == "**" else ""
+            return f"write `*` for a product{power}"
+        if word in _DEGREES:
+            return f"angles are in radians: write `{text}*deg`"
+        if word in _RADIANS:
+            return _IN_RADIANS
+        if word in _CERTAIN_UNITS:
+            return NO_UNITS
+        if word in _UNITS:
+            return f"{NO_UNITS}; a product is written `{text}*{word}`"
+        if word.startswith("_") or re.fullmatch(r"[xXbBoO][0-9a-fA-F]+", word):
+            return "numbers are written in decimals, without `_`: `10000`, `1e4`"
+        return f"write `*` for a product: `{text}*{word}`"
+    if following == "(" and kind == "name" and earlier[0] == ".":
         if text in _common_functions():
             return f"functions are written without a prefix: `{text}(...)`"
         return "a component is its value at the time `t`: write it without parentheses"
-    if kind == "name" and text in _common_functions() | {"rate"} and token[0] in ("name", "number"):
-        return f"arguments are in parentheses: `{text}({token[1]})`"
-    if (kind, text) == ("name", "d") and token[0] == "name":
-        return f"a differential is written `d({token[1]})`"
-    if token in (("name", "x"), ("name", "X")):
+    if kind == "name" and text in _common_functions() | {"rate"} and following in ("name", "number"):
+        return f"arguments are in parentheses: `{text}({word})`"
+    if (kind, text) == ("name", "d") and following == "name":
+        return f"a differential is written `d({word})`"
+    if following == "name" and word in ("x", "X"):
         return "write `*` for a product, `cross(u, w)` for that of two vectors"
-    if kind in ("name", ")", "]") and token[0] == "name" and token[1] in _CERTAIN_UNITS:
+    if kind in ("name", ")", "]") and following == "name" and word in _CERTAIN_UNITS:
         return NO_UNITS
     return "write `*` for a product"
-
-
-def _after_number(number: str, token: tuple[str, str], earlier: tuple[str, str]) -> str:
-    kind, word = token
-    if kind == "number":
-        one = "a number is written without spaces; the components of a vector have commas between them"
-        return "a number has one decimal point" if word.startswith(".") else one
-    if kind != "name":
-        power = "; a power of a function is written `sin(x)**2`" if earlier[0] == "**" else ""
-        return f"write `*` for a product{power}"
-    if word in _DEGREES:
-        return f"angles are in radians: write `{number}*deg`"
-    if word in _RADIANS:
-        return _IN_RADIANS
-    if word in _CERTAIN_UNITS:
-        return NO_UNITS
-    if word in _UNITS:
-        return f"{NO_UNITS}; a product is written `{number}*{word}`"
-    if word.startswith("_") or re.fullmatch(r"[xXbBoO][0-9a-fA-F]+", word):
-        return "numbers are written in decimals, without `_`: `10000`, `1e4`"
-    return f"write `*` for a product: `{number}*{word}`"
 
 
 def comma(before: tuple[str, str], number: str) -> str:
@@ -159,13 +155,8 @@ def condition(sign: str, is_second: bool, after: str) -> tuple[str, str]:
 
 def crossing(sign: str) -> str:
     """For a relation where an event has its expression."""
-    way = {
-        ">": "`direction: up`",
-        ">=": "`direction: up`",
-        "<": "`direction: down`",
-        "<=": "`direction: down`",
-    }
-    more = f", and {way[sign]} beside it" if sign in way else ""
+    way = {">": "up", "<": "down"}.get(sign[0], "")
+    more = f", and `direction: {way}` beside it" if way else ""
     return f"write left - right, such as `a.z - 1`{more}"
 
 

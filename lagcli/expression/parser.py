@@ -296,22 +296,6 @@ class _Parser:
             return self._component(start, tree.Call(start, self._end(), name, arguments))
         if following not in ("[", ".", "number"):
             return tree.Name(start, start + len(name), name)
-        indices = self._indices()
-        member = self._member()
-        if indices:
-            return tree.Index(start, self._end(), name, indices, member)
-        if member:
-            return tree.Member(start, self._end(), name, member)
-        return tree.Name(start, start + len(name), name)
-
-    def _component(self, start: int, vector: tree.Node) -> tree.Node:
-        """The expression that a closing parenthesis ends, or a component of it: `reaction(a).x`."""
-        if self._kinds[self._at] != ".":
-            return vector
-        member = self._member()
-        return tree.Component(start, self._end(), vector, member)
-
-    def _indices(self) -> tuple[tree.Node, ...]:
         indices: list[tree.Node] = []
         while self._kinds[self._at] == "[":
             opened = self._next()
@@ -325,7 +309,19 @@ class _Parser:
                 raise ExpressionError("syntax", message, comma.start, comma.end, "write `p[1][2]`")
             self._expect("]", opened)
             self._depth -= 1
-        return tuple(indices)
+        member = self._member()
+        if indices:
+            return tree.Index(start, self._end(), name, tuple(indices), member)
+        if member:
+            return tree.Member(start, self._end(), name, member)
+        return tree.Name(start, start + len(name), name)
+
+    def _component(self, start: int, vector: tree.Node) -> tree.Node:
+        """The expression that a closing parenthesis ends, or a component of it: `reaction(a).x`."""
+        if self._kinds[self._at] != ".":
+            return vector
+        member = self._member()
+        return tree.Component(start, self._end(), vector, member)
 
     def _member(self) -> str:
         """The part after a dot; `body.1` reads as a name and the number `.1`."""

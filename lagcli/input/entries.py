@@ -132,7 +132,17 @@ class ParticleReader:
 
     def read(self, file_position: yaml_tree.AnyNode | None) -> model.Particle | None:
         """The particle, once its facts are found. `file_position` is the position without changes made."""
-        formulas, mass = self._formulas, self._mass()
+        formulas, node = self._formulas, self._fields.get("mass")
+        mass = None if node is None else formulas.written_constants(node, "a mass")
+        if node is not None and mass is not None and not (mass[1] > 0.0).all():
+            first = int(np.argmin(mass[1] > 0.0))
+            message = f"a mass must be positive, and this one is {mass[1][first]:g}{formulas.where(first)}"
+            hint = (
+                "a massless stick or string is a constraint between what it joins; a point that only marks a position"
+                " is an expression under `definitions`"
+            )
+            formulas.report(node, "mass-not-positive", message, hint)
+            mass = None
         velocity = self._fields.get("velocity")
         moving: model.Floats | None = np.zeros((formulas.members.count, 3))
         if velocity is not None:
@@ -143,14 +153,13 @@ class ParticleReader:
         position = self._fields["position"]
         if file_position is not None and position is not file_position:
             # A changed position is still an initial value, or still a function.
-            silent = formulas.silent()
+            silent = Formulas(formulas.scope, diagnostics.Collector(), formulas.members)
             before = silent.vector_expression(file_position)
             found = None if before is None else silent.vector_facts(before, facts.POSITION_OR_TIME, "")
             if found is not None and bool(scope.reads(found)) != dependent:
                 message = "an initial position is a constant, and this one depends on coordinates or time"
                 if not dependent:
-                    message = "the position of this particle is a function of coordinates or time,"
-                    message += " not an initial value"
+                    message = "the position of this particle is a function of coordinates or time, not an initial value"
                 items = position.items if isinstance(position, yaml_tree.Sequence) else ()
                 changed = next((item for item in items if item.text is not file_position.text), position)
                 formulas.report(changed, "not-an-initial-value", message, "change the file instead")
@@ -162,21 +171,6 @@ class ParticleReader:
             return None
         start = None if dependent else formulas.vectors(self._facts)
         return model.Particle(formulas.members, *mass, self._position, start, moving, self._name.location)
-
-    def _mass(self) -> tuple[model.Expression, model.Floats] | None:
-        """The expression and the values of the mass, (K,); None where it has none, which is reported."""
-        node, formulas = self._fields.get("mass"), self._formulas
-        given = None if node is None else formulas.written_constants(node, "a mass")
-        if node is not None and given is not None and not (given[1] > 0.0).all():
-            first = int(np.argmin(given[1] > 0.0))
-            message = f"a mass must be positive, and this one is {given[1][first]:g}{formulas.where(first)}"
-            hint = (
-                "a massless stick or string is a constraint between what it joins; a point that only marks a"
-            )
-            hint += " position is an expression under `definitions`"
-            formulas.report(node, "mass-not-positive", message, hint)
-            return None
-        return given
 
 
 def force(formulas: Formulas, node: yaml_tree.AnyNode) -> model.Force | None:
@@ -359,10 +353,9 @@ def rigid(formulas: Formulas, name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -
                 formulas.report(item, "duplicate-name", message, hint)
             seen |= set(found.tolist())
     if len(numbers) < 2:
-        message, hint = (
-            "a rigid body needs at least two particles",
-            "a particle alone needs nothing to hold it together",
+        message = "a rigid body needs at least two particles"
+        formulas.report(
+            node, "too-few-particles", message, "a particle alone needs nothing to hold it together"
         )
-        formulas.report(node, "too-few-particles", message, hint)
         good = False
     return model.RigidBody(name.value, tuple(numbers), name.location) if good else None

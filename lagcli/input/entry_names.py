@@ -118,7 +118,16 @@ class EntryNames:
         self, name: yaml_tree.Scalar, entry: yaml_tree.AnyNode, closed: tuple[str, ...]
     ) -> Family | None:
         """The members of a family, or None with the error reported; closed: names its indices may not have."""
-        formulas, key = self._formulas, self._key(name)
+        formulas, key = self._formulas, None
+        if tokens.is_name(base_of(name)):  # else it is reported where names are taken
+            try:
+                key = parser.parse_reference(name.value)
+            except ExpressionError as error:
+                formulas.trouble(name, error)
+            if isinstance(key, tree.Name):
+                message = "the name of a family shows its indices"
+                formulas.report(name, "bad-range", message, f"for example `{name.value}[i]`")
+                key = None
         loop = entry.get("for") if isinstance(entry, yaml_tree.Mapping) else None
         condition = entry.get("if") if isinstance(entry, yaml_tree.Mapping) else None
         ranges = [] if loop is None else self._ranges(loop, closed)
@@ -173,21 +182,6 @@ class EntryNames:
         self._left -= count
         indices = list(zip(*(column.tolist() for column in columns), strict=True))
         return family.with_indices(key.owner, indices, variables)
-
-    def _key(self, name: yaml_tree.Scalar) -> tree.Index | None:
-        """The name of a family as it is written."""
-        if not tokens.is_name(base_of(name)):
-            return None  # reported where names are taken
-        try:
-            key = parser.parse_reference(name.value)
-        except ExpressionError as error:
-            self._formulas.trouble(name, error)
-            return None
-        if isinstance(key, tree.Index):
-            return key
-        message = "the name of a family shows its indices"
-        self._formulas.report(name, "bad-range", message, f"for example `{name.value}[i]`")
-        return None
 
     def _ranges(
         self, node: yaml_tree.AnyNode, closed: tuple[str, ...]

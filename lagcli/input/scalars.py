@@ -67,10 +67,6 @@ class Formulas:
             hint = yaml_tree.QUOTES
         self.found.add(diagnostics.Diagnostic(code, message, node.location, hint))
 
-    def silent(self) -> Formulas:
-        """The formulas with a collector of their own, for asking without reporting."""
-        return Formulas(self.scope, diagnostics.Collector(), self.members)
-
     def trouble(self, origin: yaml_tree.Scalar, error: ExpressionError) -> None:
         if error.code != namespace.BROKEN:
             location = origin.locate(error.start, error.end)

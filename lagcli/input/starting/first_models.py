@@ -98,13 +98,11 @@ def quoted(text: str) -> str:
         return text
     written = ""
     for character in text:
-        code = ord(character)
         if character in '"\\':
             written += f"\\{character}"
         elif character.isprintable():
             written += character
-        else:
-            written += (
-                f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
-            )
+        else:  # Python's own escape, but for that of a line's end and the like
+            code = ord(character)
+            written += f"\\x{code:02x}" if code < 0x100 else character.encode("unicode_escape").decode()
     return f'"{written}"'
