@@ -124,7 +124,7 @@ class _Document:
             particles=particles,
             warnings=self._found.warnings,
             order=order,
-            structure=tuple(sorted(self._scope.indexed.structure.items())),
+            structure=tuple(sorted(self._scope.names.structure.items())),
         )
         notes = tuple(_degree_notes(self._root, found.expressions()))
         return dataclasses.replace(found, warnings=(*found.warnings, *notes)) if notes else found

@@ -285,7 +285,7 @@ def _reference(
         if isinstance(written, tree.Name) and formulas.scope.names.is_family(base):
             family = formulas.scope.names.member_indices[kind].family(base)
             return kind, np.array(family, dtype=np.int64), False
-        numbers = formulas.scope.indexed.numbers(written, formulas.members.variables)
+        numbers = formulas.scope.names.numbers(written, formulas.members.variables)
         return kind, numbers, isinstance(written, tree.Index)
     except ExpressionError as error:
         hint = _word_for_all(name.value) if everything else ""

@@ -138,7 +138,7 @@ class EntryNames:
             formulas.report(condition, "bad-range", message)
             return None
         variables: dict[str, Integers] = {}
-        count, spot, lookup_in = 1, name, self._scope.indexed.integer_lookup
+        count, spot, lookup_in = 1, name, self._scope.names.integer_lookup
         try:
             for spot, one in ranges:
                 bounds = (one.low, one.high)

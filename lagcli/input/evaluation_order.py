@@ -99,7 +99,7 @@ def _in_order(formulas: Formulas, every: MemberIndex, units: dict[int, _Unit]) -
         count = unit.members.count
         for node in (node for part in unit.parts for node in tree.walk(part.tree)):
             if isinstance(node, tree.Index) and node.owner in every:
-                numbers = formulas.scope.indexed.numbers(node, unit.members.variables)
+                numbers = formulas.scope.names.numbers(node, unit.members.variables)
                 targets = np.broadcast_to(numbers, count)
                 entries = every.entries(targets).tolist()
                 for k, (target, entry) in enumerate(zip(targets.tolist(), entries, strict=True)):

@@ -115,7 +115,7 @@ def changed(
         try:
             written = parser.parse_reference(change.owner)
             assert isinstance(written, tree.Index)
-            number = formulas.scope.indexed.numbers(written, {})
+            number = formulas.scope.names.numbers(written, {})
         except ExpressionError as error:
             hint = f"; {error.hint}" if error.hint else ""
             raise OverrideError(f"--set {change.name}: {error.message}{hint}") from None

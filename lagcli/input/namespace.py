@@ -57,6 +57,9 @@ class Namespace:
         self._families: set[str] = set()
         self._hints: dict[str, str] = {}
         self.laws: set[str] = set()  # names of constraints, for hints
+        # The parameters that indices have used, with their values: they decide which members there are and which of
+        # them an expression speaks of.
+        self.structure: dict[str, float] = {}
         self.member_indices: dict[Kind, MemberIndex] = {kind: MemberIndex() for kind in NUMBERED}
         self._numbered: dict[Kind, list[str]] = {kind: [] for kind in NUMBERED}  # keys, as in the roll
 
@@ -215,45 +218,19 @@ class Namespace:
             "family-needs-index", f"`{name}` is a family: {rule}", node.start, node.end, hint
         )
 
-
-def known(value: Either | None) -> Callable[[], Either | None]:
-    """Finds the facts of an entry that are known already."""
-    return lambda: value
-
-
-def article(kind: Kind) -> str:
-    """`a particle`, `an output`."""
-    return f"an {kind}" if kind == "output" else f"a {kind}"
-
-
-def broken(node: tree.Node) -> ExpressionError:
-    """An error that follows from one already reported; it is not reported."""
-    return ExpressionError(BROKEN, "", node.start, node.end)
-
-
-class Indexed:
-    """Finds members by integer expressions of parameters and index variables. `structure`: the parameters these have
-    used, with their values: they decide which members there are and which of them an expression speaks of."""
-
-    def __init__(self, names: Namespace) -> None:
-        self._names = names
-        self.structure: dict[str, float] = {}
-
     def integer_lookup(self, variables: Mapping[str, Integers]) -> Callable[[tree.Name], float | Integers]:
-        names = self._names
-
         def lookup(node: tree.Name) -> float | Integers:
             if node.name in variables:
                 return variables[node.name]
-            kind = names.kind(node.name)
+            kind = self.kind(node.name)
             if kind is None:
-                raise names.unknown(node, node.name, "parameter", variables)
+                raise self.unknown(node, node.name, "parameter", variables)
             if kind != "parameter":
                 rule = "bounds and indices are integer expressions of parameters"
                 message = f"{rule}, and `{node.name}` is {article(kind)}"
                 raise ExpressionError("not-a-whole-number", message, node.start, node.end)
-            names.value(node, node.name)
-            value = names.constant(node.name)
+            self.value(node, node.name)
+            value = self.constant(node.name)
             if isinstance(value, tuple):
                 message = f"an index is a number, and `{node.name}` is a vector"
                 raise ExpressionError("not-a-whole-number", message, node.start, node.end)
@@ -269,13 +246,13 @@ class Indexed:
         The base name must be one of a particle or coordinate. Raises `ExpressionError`.
         """
         base = node.owner
-        kind = self._names.kind(base)
+        kind = self.kind(base)
         assert kind in NUMBERED, base
-        if self._names.is_broken(base):
+        if self.is_broken(base):
             raise broken(node)
         if isinstance(node, tree.Name):
-            return self._names.member_indices[kind].find(base, ())
-        return self.find(node, self._names.member_indices[kind], self._names.is_family(base), variables)
+            return self.member_indices[kind].find(base, ())
+        return self.find(node, self.member_indices[kind], self.is_family(base), variables)
 
     def find(
         self, node: tree.Index, member_index: MemberIndex, is_family: bool, variables: Mapping[str, Integers]
@@ -284,7 +261,7 @@ class Indexed:
         base = node.owner
         if not is_family:
             message = f"`{base}` is no family and has no members"
-            is_particle = self._names.kind(base) == "particle"
+            is_particle = self.kind(base) == "particle"
             hint = f"components are written `{base}.x`, `{base}.y`, `{base}.z`" if is_particle else ""
             raise ExpressionError("not-a-family", message, node.start, node.end, hint)
         depth = member_index.depth(base) if base in member_index else None
@@ -306,3 +283,18 @@ class Indexed:
             raise ExpressionError(
                 "no-such-member", message, node.start, node.end, hint, member=member
             ) from None
+
+
+def known(value: Either | None) -> Callable[[], Either | None]:
+    """Finds the facts of an entry that are known already."""
+    return lambda: value
+
+
+def article(kind: Kind) -> str:
+    """`a particle`, `an output`."""
+    return f"an {kind}" if kind == "output" else f"a {kind}"
+
+
+def broken(node: tree.Node) -> ExpressionError:
+    """An error that follows from one already reported; it is not reported."""
+    return ExpressionError(BROKEN, "", node.start, node.end)

@@ -14,7 +14,7 @@ from lagcli.expression import evaluate, facts, hints, tree
 from lagcli.expression.facts import Either, Facts, Lookup
 from lagcli.expression.tree import ExpressionError
 from lagcli.input import namespace
-from lagcli.input.namespace import Indexed, Kind, Namespace
+from lagcli.input.namespace import Kind, Namespace
 from lagcli.model.family import Family, Integers, MemberIndex
 from lagcli.model.model import CONSTANTS
 
@@ -36,8 +36,8 @@ class LawShape:
 class LawNames:
     """The constraints of one model, which have a namespace of their own."""
 
-    def __init__(self, names: Namespace, indexed: Indexed) -> None:
-        self._names, self._indexed = names, indexed
+    def __init__(self, names: Namespace) -> None:
+        self._names = names
         self._laws: dict[str, LawShape] = {}
         self._member_index = MemberIndex()
         self._shapes: list[Shape] = []  # of the entries of the roll
@@ -82,7 +82,7 @@ class LawNames:
             raise self._names.bare(argument, name)
         shapes: set[Shape] = set(law.shapes)
         if isinstance(argument, tree.Index):
-            numbers = self._indexed.find(argument, self._member_index, law.is_family, variables)
+            numbers = self._names.find(argument, self._member_index, law.is_family, variables)
             own = {self._shapes[entry] for entry in set(self._member_index.entries(numbers).tolist())}
             shapes = own or shapes
         if call == REACTION and not member:
@@ -129,8 +129,7 @@ class Scope:
 
     def __init__(self) -> None:
         self.names = Namespace()
-        self.indexed = Indexed(self.names)
-        self.laws = LawNames(self.names, self.indexed)
+        self.laws = LawNames(self.names)
 
     def lookup_in(self, members: Family, own: bool = False) -> Lookup:
         """The lookup for an expression of an entry; `own` opens `m`, `r`, `v` of a particle."""
@@ -201,7 +200,7 @@ class Scope:
             raise ExpressionError("not-a-family", message, node.start, node.end, hint)
         if not names.is_reached(base):
             names.value(node, base)
-        numbers = self.indexed.numbers(node, variables)
+        numbers = names.numbers(node, variables)
         keys = names.keys(base, sorted(set(names.member_indices[kind].entries(numbers).tolist())))
         value = _together(node, [names.value_of(node, key, base) for key in keys])
         if kind == "particle" and node.member:
