@@ -7,7 +7,7 @@ outside its range, and a step, which sees forces at its stages only, may lead ov
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection
 
 from lagcli.expression import evaluate, functions, tree
 from lagcli.frozen import frozen_value
@@ -37,6 +37,7 @@ class MotionOrder:
 
 
 _CONSTANT, _MOTION = MotionOrder(), MotionOrder(1)
+Known = dict[str, evaluate.Value[MotionOrder]]
 
 
 class _Narrow(Exception):
@@ -46,84 +47,70 @@ class _Narrow(Exception):
 def are_any(model: nouns.Model, has_contacts: bool) -> bool:
     """True if a force, a row, a position or a definition of a model holds such a function of the motion; has_contacts:
     of the one-sided rows too, one of which is closed."""
-    names = _Names(model)
+    meanings = {d.name: d.expression.tree for d in model.definitions}
+    particles = {particle.members.base for particle in model.particles}
+    known: Known = dict.fromkeys(("t", "pi", "dt"), _CONSTANT)
+    for parameter in model.parameters:
+        known[parameter.name] = (_CONSTANT,) * 3 if isinstance(parameter.value, tuple) else _CONSTANT
+    orders = _Orders(particles, known)
     try:
         for step in model.order:
             if isinstance(step, str):
-                names.known[step] = names.look(names.meanings[step], {})
+                known[step] = orders.look(meanings[step], {})
         if model.lagrangian is not None:
-            names.look(model.lagrangian.tree, {})
+            orders.look(model.lagrangian.tree, {})
         for particle in model.particles:
             for part in particle.position.parts:
-                names.look(part.tree, particle.members.variables)
+                orders.look(part.tree, particle.members.variables)
         for law in model.laws:
             if has_contacts or not isinstance(law, nouns.Inequality):
-                names.look(law.equation.tree, law.members.variables)
-        own = names.on_a_particle()
+                orders.look(law.equation.tree, law.members.variables)
+        # In the force of a particle `m`, `r` and `v` are its own.
+        others = {name: value for name, value in known.items() if name not in ("r", "v")}
+        own = _Orders((particles - {"m"}) | {"r", "v"}, {**others, "m": _CONSTANT})
         for force in model.forces:
-            known = own if isinstance(force, nouns.ParticleForce) else names
+            of_force = own if isinstance(force, nouns.ParticleForce) else orders
             for part in nouns.expressions_of(force):
-                known.look(part.tree, force.members.variables)
+                of_force.look(part.tree, force.members.variables)
     except _Narrow:
         return True
     return False
 
 
-class _Names:
-    def __init__(self, model: nouns.Model) -> None:
-        self.meanings = {d.name: d.expression.tree for d in model.definitions}
-        self._particles = {particle.members.base for particle in model.particles}
-        self.known: dict[str, evaluate.Value[MotionOrder]] = dict.fromkeys(("t", "pi", "dt"), _CONSTANT)
-        for parameter in model.parameters:
-            is_vector = isinstance(parameter.value, tuple)
-            self.known[parameter.name] = (_CONSTANT,) * 3 if is_vector else _CONSTANT
-
-    def on_a_particle(self) -> _Names:
-        """The values in the force of a particle, where `m`, `r` and `v` are its own."""
-        names = object.__new__(_Names)
-        names.meanings, names._particles = self.meanings, (self._particles - {"m"}) | {"r", "v"}
-        names.known = {name: value for name, value in self.known.items() if name not in ("r", "v")}
-        names.known["m"] = _CONSTANT
-        return names
-
-    def look(self, node: tree.Node, variables: Mapping[str, object]) -> evaluate.Value[MotionOrder]:
-        algebra = _OrderAlgebra(self, variables)
-        sides = (node.left, node.right) if isinstance(node, tree.Relation) else (node,)
-        for side in sides:
-            value = evaluate.value(side, algebra)
-            for part in value if isinstance(value, tuple) else (value,):
-                _require_wide(part)
-        return value
-
-    def value(self, name: str, member: str) -> evaluate.Value[MotionOrder]:
-        """The value of a name, or of a component or another member of it."""
-        if name in self.known:
-            value = self.known[name]
-            return value[0] if member and isinstance(value, tuple) else value
-        if member == "m":
-            return _CONSTANT
-        is_vector = name in self._particles and member in ("", "v", "a")
-        return (_MOTION,) * 3 if is_vector else _MOTION
-
-
 def _require_wide(value: MotionOrder) -> None:
-    """Raise `_Narrow` for what falls off faster than an inverse square: nothing is left of it at a thousand times its
-    range."""
+    """Raise `_Narrow` for what falls off faster than an inverse square."""
     if value.order is not None and value.order < PARAMETERS.fall:
         raise _Narrow
 
 
-class _OrderAlgebra:
-    def __init__(self, names: _Names, variables: Mapping[str, object]) -> None:
-        self._names, self._variables = names, variables
+class _Orders:
+    """`evaluate.Algebra` of orders; names that are not `known` are of the motion."""
+
+    def __init__(self, particles: Collection[str], known: Known) -> None:
+        self._particles, self._known = particles, known
+        self._variables: Collection[str] = ()
+
+    def look(self, node: tree.Node, variables: Collection[str]) -> evaluate.Value[MotionOrder]:
+        self._variables = variables
+        for side in (node.left, node.right) if isinstance(node, tree.Relation) else (node,):
+            value = evaluate.value(side, self)
+            evaluate.each(_require_wide, value)
+        return value
 
     def number(self, node: tree.Number) -> MotionOrder:
         return MotionOrder(None, float(node.text))
 
     def atom(self, node: tree.Reference) -> evaluate.Value[MotionOrder]:
-        if isinstance(node, tree.Name) and node.name in self._variables:
+        name, member = node.owner, node.member
+        if name in self._variables and isinstance(node, tree.Name):
             return _CONSTANT
-        return self._names.value(node.owner, node.member)
+        if name in self._known:
+            value = self._known[name]
+            return value[0] if member and isinstance(value, tuple) else value
+        if member == "m":
+            return _CONSTANT
+        is_vector = name in self._particles and member in ("", "v", "a")
+        return (_MOTION,) * 3 if is_vector else _MOTION
 
     def special(self, node: tree.Call) -> evaluate.Value[MotionOrder]:
         argument = node.arguments[0]
