@@ -173,7 +173,7 @@ _OF_ROWS: dict[str, Callable[[Array, Array], float]] = {
 REDUCERS = frozenset(_OF_ROWS) - {"max", "min"}
 
 
-class _RowAlgebra(Operators[Array]):
+class _RowAlgebra(Operators):
     """Arrays as scalars; see `evaluate.Algebra`."""
 
     known: tuple[str, ...] = ()

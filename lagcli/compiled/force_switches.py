@@ -42,8 +42,6 @@ def find(system: System) -> ForceSwitches | None:
     """The switches of a system; None where no force has one that depends on velocities."""
     # The forces that may jump in the velocities by their texts, with Q_j (n,).
     declared = named_functions.velocity_switches(system.model)
-    if not declared:
-        return None
     s, p = system.symbols, system.p
     environment = Environment(system.model, s, FixedExponents(system.model))
     loads = [energy.generalized(force, environment) for force in declared]

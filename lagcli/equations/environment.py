@@ -163,7 +163,8 @@ class Environment:
         return SymbolicAlgebra(found.atom, found.special, self._fixed)
 
     def scalar(self, expression: nouns.Expression, algebra: SymbolicAlgebra | None = None) -> ca.SX:
-        return evaluate.scalar(expression.tree, algebra or self._plain)
+        value: ca.SX = evaluate.scalar(expression.tree, algebra or self._plain)
+        return value
 
     def either(self, expression: nouns.Expression, algebra: SymbolicAlgebra | None = None) -> list[ca.SX]:
         """SX of a scalar or vector expression, as one or three."""

@@ -6,8 +6,6 @@ each member.
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import casadi as ca
 import numpy as np
 
@@ -20,22 +18,6 @@ from lagcli.smoothness.sized_function import SizedFunction
 
 # Below this number of members the detour costs more than it saves.
 WORTH = 4
-
-
-class Rates(Protocol):
-    """The variables of rows: t, coordinates q (m, 1) and their rates v; gamma is -rate(B v + b) with v fixed. rate:
-    d/dt of a function of q and t; of one that holds v too, with v fixed."""
-
-    @property
-    def t(self) -> ca.SX: ...
-
-    @property
-    def q(self) -> ca.SX: ...
-
-    @property
-    def v(self) -> ca.SX: ...
-
-    def rate(self, value: ca.SX) -> ca.SX: ...
 
 
 class NotMappable(Exception):
@@ -86,13 +68,13 @@ def block(law: nouns.Law, environment: Environment) -> FamilyBlock | None:
     return FamilyBlock(f, ca.SX(sparsity, placed), b, gamma)
 
 
-def holonomic(f: ca.SX, leaves: Rates) -> FamilyBlock:
+def holonomic(f: ca.SX, leaves: Environment | MemberLeaves) -> FamilyBlock:
     """Rows f = 0 (D.2), differentiated: B = df/dq, b = df/dt (D.6, D.7)."""
     B, b = ca.jacobian(f, leaves.q), ca.jtimes(f, leaves.t, ca.SX(1))
     return FamilyBlock(f, B, ca.densify(b), ca.densify(-leaves.rate(leaves.rate(f))))
 
 
-def differential(value: ca.SX, leaves: Rates) -> FamilyBlock:
+def differential(value: ca.SX, leaves: Environment | MemberLeaves) -> FamilyBlock:
     """Rows B v + b = 0 given as they are, `value` = B v + b (D.3, D.4)."""
     v = leaves.v
     B, b = ca.jacobian(value, v), ca.substitute(value, v, ca.SX.zeros(v.shape))

@@ -70,7 +70,8 @@ def charts(system: System, written: Sequence[invariant.LevelFunction]) -> Charts
     algebra = SymbolicAlgebra(atom, unknown, fixed)
 
     def scalar(text: str) -> ca.SX:
-        return evaluate.scalar(parser.parse(text), algebra)
+        value: ca.SX = evaluate.scalar(parser.parse(text), algebra)
+        return value
 
     found = tuple(
         LevelExpression(scalar(c.above), scalar(c.below), None if c.period is None else scalar(c.period))

@@ -83,7 +83,7 @@ class FixedExponents:
         return self._values[name]
 
 
-class SymbolicAlgebra(Operators[ca.SX]):
+class SymbolicAlgebra(Operators):
     """Scalars are SX expressions, (1, 1) or columns (K, 1) over the members of a family. fixed: gives the number of an
     exponent that depends on parameters only (it is then built in), or None."""
 

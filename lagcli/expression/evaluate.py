@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import itertools
 from collections.abc import Callable, Collection
-from typing import Generic, Protocol, Self, TypeAlias, TypeVar
+from typing import Any, Generic, Protocol, TypeAlias, TypeVar
 
 from lagcli.errors import diagnostics
 from lagcli.expression import functions, hints, tree
@@ -269,34 +269,17 @@ def unknown_function(node: tree.Call) -> ExpressionError:
     return ExpressionError("unknown-function", message, node.start, end, hint)
 
 
-class Arithmetic(Protocol):
-    """A number or symbol that can be added, subtracted, multiplied and divided."""
-
-    def __add__(self, other: Self, /) -> Self: ...
-
-    def __sub__(self, other: Self, /) -> Self: ...
-
-    def __mul__(self, other: Self, /) -> Self: ...
-
-    def __truediv__(self, other: Self, /) -> Self: ...
-
-    def __neg__(self) -> Self: ...
-
-
-N = TypeVar("N", bound=Arithmetic)
-
-
-class Operators(Generic[N]):
+class Operators:
     """The arithmetic of `evaluate.Algebra` by the operators of the scalars."""
 
-    def add(self, node: tree.Node, left: N, sign: int, right: N) -> N:
+    def add(self, node: tree.Node, left: Any, sign: int, right: Any) -> Any:
         return left + right if sign > 0 else left - right
 
-    def negate(self, node: tree.Node, value: N) -> N:
+    def negate(self, node: tree.Node, value: Any) -> Any:
         return -value
 
-    def multiply(self, node: tree.Node, left: N, right: N) -> N:
+    def multiply(self, node: tree.Node, left: Any, right: Any) -> Any:
         return left * right
 
-    def divide(self, node: tree.Node, left: N, right: N) -> N:
+    def divide(self, node: tree.Node, left: Any, right: Any) -> Any:
         return left / right

@@ -44,7 +44,7 @@ class SpringLength:
     distance: SquareDistance
 
 
-class _QuadraticAlgebra(Operators[Quadratic]):
+class _QuadraticAlgebra(Operators):
     """See `evaluate.Algebra`; what is not of the second degree is `OTHER`."""
 
     def __init__(

@@ -61,7 +61,7 @@ class TooLarge(Exception):
     """A value has more operations, digits or larger powers than exact algebra is tried on."""
 
 
-class SympyAlgebra(Operators[sympy.Expr]):
+class SympyAlgebra(Operators):
     """SymPy scalars as an algebra for `expression.evaluate`; names are what a resolver says."""
 
     resolver: Resolver[sympy.Expr]
