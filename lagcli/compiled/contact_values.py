@@ -5,6 +5,7 @@ of states the numbers below which no gap is, by interval arithmetic written out 
 from __future__ import annotations
 
 import functools
+import operator
 from typing import NamedTuple
 
 import casadi as ca
@@ -145,32 +146,16 @@ class _GraphIntervals(Intervals):
 
     # A bound that says nothing, as the product of four of them does: zero times infinity is no number.
     most = 2.0**255
+    least = staticmethod(lambda *numbers: functools.reduce(ca.fmin, numbers))
+    largest = staticmethod(lambda *numbers: functools.reduce(ca.fmax, numbers))
+    where, both = staticmethod(ca.if_else), staticmethod(ca.logic_and)
+    times, power = staticmethod(operator.mul), staticmethod(operator.pow)
 
     def told(self, low: ca.SX, high: ca.SX) -> Ends:
         return ca.SX(low), ca.SX(high)
 
     def wide(self, low: ca.SX, high: ca.SX) -> Ends:
         return low, high
-
-    def least(self, *numbers: ca.SX) -> ca.SX:
-        made: ca.SX = functools.reduce(ca.fmin, numbers)
-        return made
-
-    def largest(self, *numbers: ca.SX) -> ca.SX:
-        made: ca.SX = functools.reduce(ca.fmax, numbers)
-        return made
-
-    def where(self, holds: ca.SX, one: ca.SX, other: ca.SX) -> ca.SX:
-        return ca.if_else(holds, one, other)
-
-    def both(self, one: ca.SX, other: ca.SX) -> ca.SX:
-        return ca.logic_and(one, other)
-
-    def times(self, x: ca.SX, y: ca.SX) -> ca.SX:
-        return x * y
-
-    def power(self, x: ca.SX, exponent: ca.SX) -> ca.SX:
-        return x**exponent
 
     def call(self, row: functions.Function, *x: ca.SX) -> ca.SX:
         made: ca.SX = functions.meaning(ca, row.casadi or row.operation, row.name)(*x)

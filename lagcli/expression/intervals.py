@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import functools
 import math
+import operator
 from collections.abc import Callable
 from typing import Any
 
@@ -24,6 +25,7 @@ Array = npt.NDArray[np.float64]
 Range = tuple[Array, Array]
 End = Any  # a number of one kind: a float, an array, an expression
 Ends = tuple[End, End]
+Operation = Callable[..., End]
 
 # By this part of itself every result is widened: two roundings of an operation, or of a library function.
 INTERVAL_ROUNDOFF = 4 * doubles.EPS
@@ -37,11 +39,27 @@ def constant(value: float | Array) -> Range:
     return array, array
 
 
+def _float_power(x: float, exponent: float) -> float:
+    try:
+        return float(x**exponent)
+    except OverflowError:
+        return math.inf if x > 0 or exponent % 2 == 0 else -math.inf
+    except ZeroDivisionError:
+        return math.inf
+
+
 class Intervals:
     """The arithmetic of ranges of floats; of other numbers where methods for them are replaced. most: the bound where
     there is none."""
 
     most = math.inf
+    least: Operation = staticmethod(min)
+    largest: Operation = staticmethod(max)
+    where: Operation = staticmethod(lambda holds, one, other: one if holds else other)
+    both: Operation = staticmethod(lambda one, other: one and other)
+    # Zero of zero and an end that is infinite because there is no bound.
+    times: Operation = staticmethod(lambda x, y: x * y if x and y else 0.0)
+    power: Operation = staticmethod(_float_power)
 
     def result(self, name: str, *parts: Ends) -> Ends:
         """The range of an operation by its name in a `Program`."""
@@ -58,30 +76,6 @@ class Intervals:
 
     def wide(self, low: End, high: End) -> Ends:
         return low - INTERVAL_ROUNDOFF * abs(low), high + INTERVAL_ROUNDOFF * abs(high)
-
-    def least(self, *numbers: End) -> End:
-        return min(numbers)
-
-    def largest(self, *numbers: End) -> End:
-        return max(numbers)
-
-    def where(self, holds: End, one: End, other: End) -> End:
-        return one if holds else other
-
-    def both(self, one: End, other: End) -> End:
-        return one and other
-
-    def times(self, x: End, y: End) -> End:
-        """x y; zero of zero and an end that is infinite because there is no bound."""
-        return x * y if x and y else 0.0
-
-    def power(self, x: End, exponent: End) -> End:
-        try:
-            return x**exponent
-        except OverflowError:
-            return math.inf if x > 0 or exponent % 2 == 0 else -math.inf
-        except ZeroDivisionError:
-            return math.inf
 
     def call(self, row: Function, *x: End) -> End:
         """A function of the language, infinite where it overflows and no number where it has none."""
@@ -126,6 +120,11 @@ class Intervals:
 class ArrayIntervals(Intervals):
     """The arithmetic of ranges of arrays, which broadcast."""
 
+    least = staticmethod(lambda *numbers: functools.reduce(np.minimum, numbers))
+    largest = staticmethod(lambda *numbers: functools.reduce(np.maximum, numbers))
+    where, both = staticmethod(np.where), staticmethod(operator.and_)
+    times, power = staticmethod(operator.mul), staticmethod(operator.pow)
+
     def result(self, name: str, *parts: Range) -> Range:
         with np.errstate(all="ignore"):
             return super().result(name, *parts)
@@ -133,24 +132,6 @@ class ArrayIntervals(Intervals):
     def told(self, low: Array, high: Array) -> Range:
         nothing = np.isnan(low) | np.isnan(high)
         return np.where(nothing, -np.inf, low), np.where(nothing, np.inf, high)
-
-    def least(self, *numbers: Array) -> Array:
-        return np.asarray(functools.reduce(np.minimum, numbers))
-
-    def largest(self, *numbers: Array) -> Array:
-        return np.asarray(functools.reduce(np.maximum, numbers))
-
-    def where(self, holds: End, one: End, other: End) -> Array:
-        return np.asarray(np.where(holds, one, other))
-
-    def both(self, one: End, other: End) -> End:
-        return one & other
-
-    def times(self, x: Array, y: Array) -> Array:
-        return x * y
-
-    def power(self, x: Array, exponent: End) -> Array:
-        return np.asarray(x**exponent)
 
     def call(self, row: Function, *x: Array) -> Array:
         return row.array(*x)
