@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -53,31 +53,33 @@ class ContactRows:
         return len(self.rows)
 
 
+# Rows, and a block of them or their values.
+_Rows = tuple[list[Row], family_rows.FamilyBlock | ca.SX]
+
+
 def equalities(
     model: nouns.Model, environment: Environment, bodies: Sequence[tuple[Geometry, Sequence[ca.SX]]]
 ) -> ConstraintRows:
     """The rows of all equations. `bodies`: for each rigid body its geometry and the symbols of its constants. B (C, n),
     b (C), gamma (C) with B v + b = 0 and B a = gamma = -(B' v + b'). Raises `diagnostics.ModelError` for a row without
     coordinates."""
-    holonomic, differential = _RowGroup(environment), _RowGroup(environment)
-    for law in model.holonomic:
-        holonomic.add(law)
+    holonomic = list(_of_laws(model.holonomic, environment))
     for body, (geometry, constants) in zip(model.rigid, bodies, strict=True):
         values = of_body(body, environment, geometry, constants)
         numbered = range(1, values.numel() + 1)
-        holonomic.add_plain(values, [Row(f"{body.name}.{i}", body.name, body.location) for i in numbered])
-    for rule in model.differential:
-        differential.add(rule)
-    blocks = [*holonomic.blocks(family_rows.holonomic), *differential.blocks(family_rows.differential)]
-    return _joined((*holonomic.names, *differential.names), blocks, environment.q)
+        rows = [Row(f"{body.name}.{i}", body.name, body.location) for i in numbered]
+        holonomic.append((rows, values))
+    names, blocks = _blocks(holonomic, environment, family_rows.holonomic)
+    laws = _of_laws(model.differential, environment)
+    more, others = _blocks(laws, environment, family_rows.differential)
+    return _joined((*names, *more), [*blocks, *others], environment.q)
 
 
 def contacts(model: nouns.Model, environment: Environment) -> ContactRows:
     """The rows of all inequalities. Raises `diagnostics.ModelError` for one without coordinates."""
-    pile = _RowGroup(environment)
-    for law in model.inequality:
-        pile.add(law)
-    found = _joined(tuple(pile.names), pile.blocks(family_rows.holonomic), environment.q)
+    laws = _of_laws(model.inequality, environment)
+    names, blocks = _blocks(laws, environment, family_rows.holonomic)
+    found = _joined(tuple(names), blocks, environment.q)
     return ContactRows(found.rows, found.f, found.B, found.b, found.gamma)
 
 
@@ -129,47 +131,38 @@ def with_contacts(rows: ConstraintRows, contacts: ContactRows, lam: ca.SX) -> Co
     )
 
 
-class _RowGroup:
-    """The rows of one kind of law, in their order; neighbours that cannot be mapped are built together."""
-
-    def __init__(self, environment: Environment) -> None:
-        self._environment = environment
-        self.names: list[Row] = []
-        self._parts: list[family_rows.FamilyBlock | list[ca.SX]] = []
-
-    def add(self, law: nouns.Law) -> None:
-        if not law.members.count:
-            return
-        block = family_rows.block(law, self._environment)
-        if block is None:
-            self.add_plain(self._environment.equation(law), _rows(law))
-            return
-        self._parts.append(block)
-        self.names += _rows(law)
-
-    def add_plain(self, values: ca.SX, names: list[Row]) -> None:
-        """Rows given by their values."""
-        last = self._parts[-1] if self._parts else None
-        if isinstance(last, list):
-            last.append(values)
-        else:
-            self._parts.append([values])
-        self.names += names
-
-    def blocks(
-        self, build: Callable[[ca.SX, Environment], family_rows.FamilyBlock]
-    ) -> list[family_rows.FamilyBlock]:
-        """All rows; `build` makes a block of values."""
-        return [
-            build(_stack(part), self._environment) if isinstance(part, list) else part for part in self._parts
-        ]
+def _of_laws(laws: Iterable[nouns.Law], environment: Environment) -> Iterator[_Rows]:
+    """The rows of each law, those of one member after another, and what they are made of."""
+    for law in laws:
+        if law.members.count:
+            each = 3 if not isinstance(law, nouns.Inequality) and law.is_vector else 1
+            location, names = law.equation.location, law.members.names
+            rows = [Row(name, names[k // each], location) for k, name in enumerate(law.rows)]
+            block = family_rows.block(law, environment)
+            yield rows, environment.equation(law) if block is None else block
 
 
-def _rows(law: nouns.Law) -> list[Row]:
-    """The rows of a law, those of one member after another."""
-    each = 3 if not isinstance(law, nouns.Inequality) and law.is_vector else 1
-    location = law.equation.location
-    return [Row(name, law.members.names[k // each], location) for k, name in enumerate(law.rows)]
+def _blocks(
+    entries: Iterable[_Rows],
+    environment: Environment,
+    build: Callable[[ca.SX, Environment], family_rows.FamilyBlock],
+) -> tuple[list[Row], list[family_rows.FamilyBlock]]:
+    """All rows in their order; `build` makes a block of the values of neighbours that cannot be mapped."""
+    names: list[Row] = []
+    blocks: list[family_rows.FamilyBlock] = []
+    values: list[ca.SX] = []
+    for rows, made in entries:
+        names += rows
+        if isinstance(made, ca.SX):
+            values.append(made)
+            continue
+        if values:
+            blocks.append(build(_stack(values), environment))
+            values = []
+        blocks.append(made)
+    if values:
+        blocks.append(build(_stack(values), environment))
+    return names, blocks
 
 
 def _stack(values: list[ca.SX]) -> ca.SX:
