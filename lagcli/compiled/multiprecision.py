@@ -195,7 +195,7 @@ def _where(holds: Callable[[Decimal, Decimal], bool]) -> Callable[[Number, Numbe
     return lambda a, b: Decimal(holds(_first(a), _first(b)))
 
 
-PLAIN: dict[str, Callable[..., Any]] = {
+PLAIN: dict[str, Callable[..., Number]] = {
     **{name: functions.OPERATIONS[name][0] for name in ("inv", "sq", "twice", "assign", "neg", "fabs")},
     "sqrt": Decimal.sqrt,
     "exp": Decimal.exp,

@@ -127,7 +127,7 @@ class PathSteps:
         outputs = [rate, *(ca.densify(ca.jacobian(rate, x)) for x in symbols)]
         field = SizedFunction("field", symbols, outputs)
         weights, last = ROUGH
-        z, u = inputs = [ca.MX.sym(x.name(), x.numel()) for x in symbols]
+        z, u = inputs = [ca.MX.sym(name, x.numel()) for name, x in zip("zu", symbols, strict=True)]
         rates: list[ca.MX] = []
         turns: list[ca.MX] = []
         pushes: list[ca.MX] = []

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli.equations.symbols import FixedExponents, SymbolicAlgebra, Symbols
-from lagcli.expression import evaluate, tree
+from lagcli.expression import evaluate
 from lagcli.model import model as nouns
 from lagcli.model.family import Integers
 from lagcli.model.resolve import Leaves, ModelNames, Resolver, Results
@@ -180,7 +180,6 @@ class Environment:
 
     def equation(self, law: nouns.Law) -> ca.SX:
         """left - right of all members of a law, one after another."""
-        assert isinstance(law.equation.tree, tree.Relation)
         parts = evaluate.difference(law.equation.tree, self.algebra(law.members.variables))
         return interleaved(parts, law.members.count)
 

@@ -74,8 +74,9 @@ def vector(node: tree.Node, algebra: Algebra[S]) -> Triple[S]:
     return _Walk(algebra).vector(node)
 
 
-def difference(relation: tree.Relation, algebra: Algebra[S]) -> tuple[S, ...]:
+def difference(relation: tree.Node, algebra: Algebra[S]) -> tuple[S, ...]:
     """left - right of an equation, as one scalar or three. A bare 0 may stand for the zero vector."""
+    assert isinstance(relation, tree.Relation)
     walk = _Walk(algebra)
     left, right = walk.value(relation.left), walk.value(relation.right)
     if isinstance(left, tuple) and _is_zero(relation.right):
@@ -269,17 +270,20 @@ def unknown_function(node: tree.Call) -> ExpressionError:
     return ExpressionError("unknown-function", message, node.start, end, hint)
 
 
+Computed = Any  # what has the operators of numbers
+
+
 class Operators:
     """The arithmetic of `evaluate.Algebra` by the operators of the scalars."""
 
-    def add(self, node: tree.Node, left: Any, sign: int, right: Any) -> Any:
+    def add(self, node: tree.Node, left: Computed, sign: int, right: Computed) -> Computed:
         return left + right if sign > 0 else left - right
 
-    def negate(self, node: tree.Node, value: Any) -> Any:
+    def negate(self, node: tree.Node, value: Computed) -> Computed:
         return -value
 
-    def multiply(self, node: tree.Node, left: Any, right: Any) -> Any:
+    def multiply(self, node: tree.Node, left: Computed, right: Computed) -> Computed:
         return left * right
 
-    def divide(self, node: tree.Node, left: Any, right: Any) -> Any:
+    def divide(self, node: tree.Node, left: Computed, right: Computed) -> Computed:
         return left / right

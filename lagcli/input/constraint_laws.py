@@ -120,8 +120,9 @@ def inequality(formulas: Formulas, entry: yaml_tree.AnyNode) -> Inequality | Non
     return None if condition is None else Inequality(formulas.members, condition, values)
 
 
-def _gap(node: tree.Relation, algebra: FactsAlgebra) -> Facts:
+def _gap(node: tree.Node, algebra: FactsAlgebra) -> Facts:
     """The facts of left - right. Raises `ExpressionError` for what is no condition on coordinates."""
+    assert isinstance(node, tree.Relation)
     left, right = evaluate.value(node.left, algebra), evaluate.value(node.right, algebra)
     if isinstance(left, tuple) or isinstance(right, tuple):
         message = "a condition compares two numbers, and here is a vector"

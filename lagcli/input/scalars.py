@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Callable, MutableMapping
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -135,7 +135,7 @@ class Formulas:
         return self.checked(evaluate.value, expression, algebra)
 
     def checked(
-        self, read: Callable[[Any, FactsAlgebra], T], expression: Expression, algebra: FactsAlgebra
+        self, read: Callable[[tree.Node, FactsAlgebra], T], expression: Expression, algebra: FactsAlgebra
     ) -> T | None:
         """What `read` makes of an expression; None where it raises, which is reported, with all unknown names."""
         try:

@@ -14,7 +14,8 @@ from lagcli.model.family import Integers, MemberIndex
 from lagcli.model.model import Model
 
 Reference = tree.Reference
-Variables = Mapping[str, Any]  # index variables: each a number, or a vector (K,) over the members of a family
+IndexValue = Any  # a number, or a vector (K,) over the members of a family
+Variables = Mapping[str, IndexValue]  # of index variables
 S = TypeVar("S")
 Results = Callable[[tree.Node, Variables], Value[S]]
 
@@ -73,7 +74,7 @@ class Leaves(Protocol[S]):
 
     def generalized(self, numbers: Integers, rates: bool) -> S: ...
 
-    def variable(self, name: str, values: Any) -> S: ...
+    def variable(self, name: str, values: IndexValue) -> S: ...
 
     def definition(self, name: str) -> Value[S]: ...
 
