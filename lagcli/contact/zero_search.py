@@ -133,14 +133,6 @@ class _Piece(NamedTuple):
         return _Piece(self.left, self.right, max(self.misfit, least))
 
 
-class _Unresolved(Exception):
-    """The search is given up beyond a point for a function."""
-
-    def __init__(self, clear: float) -> None:
-        super().__init__(clear)
-        self.clear = clear
-
-
 class _Search:
     """One search; functions are turned round so that all cross downwards."""
 
@@ -183,12 +175,10 @@ class _Search:
         for row in self.candidates(inner, end):
             if not stop.x > 0:
                 break
-            try:
-                found = self.first_of(row, (inner, end), stop)
-            except _Unresolved as error:
-                stop, crossing, unresolved = self.sample(error.clear), None, row
-                continue
-            if found is not None:
+            found = self.first_of(row, (inner, end), stop)
+            if isinstance(found, float):
+                stop, crossing, unresolved = self.sample(found), None, row
+            elif found is not None:
                 stop, crossing, unresolved = found, row, None
         if unresolved is not None:
             return FirstCrossing(None, unresolved=(unresolved,), clear=stop.x, evaluations=self.evaluations)
@@ -227,9 +217,9 @@ class _Search:
             stays &= np.where(self.up, low >= -slack, high <= slack)
         return np.flatnonzero(~stays)
 
-    def first_of(self, row: int, samples: tuple[_All, _All], stop: _All) -> _All | None:
-        """The first crossing of one function before or at a sample; samples: at the first cut and at the end. Raises
-        `_Unresolved`."""
+    def first_of(self, row: int, samples: tuple[_All, _All], stop: _All) -> _All | float | None:
+        """The first crossing of one function before or at a sample, or the point beyond which it is open; samples: at
+        the first cut and at the end."""
         noise, up = float(self.noise[row]), bool(self.up[row])
         left, inner, right = (_of(each, row) for each in (self.start, *samples))
         pieces = [part.with_least_misfit() for part in _Piece(left, right, 0.0).cut(inner, noise)]
@@ -257,7 +247,7 @@ class _Search:
                     return self.sample(piece.right.x) if is_narrow else self.root(row, piece)
             if not is_narrow:
                 if self.evaluations + 1 >= self._most:
-                    raise _Unresolved(piece.left.x)
+                    return piece.left.x
                 pieces += piece.cut(_of(self.sample(_cut_point(piece, up)), row), noise)
         return None
 

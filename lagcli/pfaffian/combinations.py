@@ -16,10 +16,10 @@ import sympy
 
 from lagcli import doubles
 from lagcli.linear import decompositions
-from lagcli.pfaffian import kernel_frame as frames
 from lagcli.pfaffian.exact import constant_combinations, guarded, normal_form, sampling
 from lagcli.pfaffian.exact.guarded import SympyFailure
 from lagcli.pfaffian.forms import form as forms
+from lagcli.pfaffian.function_field import KernelFrame
 
 Floats = npt.NDArray[np.float64]
 
@@ -111,7 +111,7 @@ class CombinationField:
 
     def __init__(
         self,
-        frame: frames.KernelFrame,
+        frame: KernelFrame,
         entries: Sequence[sympy.Expr],
         columns: int,
         surface: Sequence[sympy.Expr] = (),
@@ -219,7 +219,7 @@ class Known:
 
 
 def proposals(
-    frame: frames.KernelFrame, numbers: Numbers, functions: Sequence[sympy.Expr], known: Known
+    frame: KernelFrame, numbers: Numbers, functions: Sequence[sympy.Expr], known: Known
 ) -> Iterator[tuple[sympy.Expr, Floats]]:
     """Combinations of the functions that seem to be new first integrals, simple ones first, with their slopes."""
     found = null_vectors(numbers)
@@ -237,7 +237,7 @@ def proposals(
                 yield phi, slopes
 
 
-def constants_of(frame: frames.KernelFrame) -> frozenset[sympy.Expr]:
+def constants_of(frame: KernelFrame) -> frozenset[sympy.Expr]:
     """The parameters and irrational numbers that occur in the frame."""
     entries = [e for row in frame.solved for e in row]
     numbers = {p for e in entries for p in sympy.preorder_traversal(e) if p.is_number and not p.is_Rational}
@@ -325,7 +325,7 @@ def _square_root(square: sympy.Expr, variables: Sequence[sympy.Symbol]) -> sympy
     return root * sympy.Mul(*(f ** (n // 2) for f, n in parts if f.free_symbols & moving))
 
 
-def multipliers(frame: frames.KernelFrame, letters: Alphabet) -> list[sympy.Expr]:
+def multipliers(frame: KernelFrame, letters: Alphabet) -> list[sympy.Expr]:
     """Inverse multipliers V: polynomials in the letters over the common denominator of the frame. Raises
     `NoAnswerError`."""
     below = denominator(e for row in frame.solved for e in row)

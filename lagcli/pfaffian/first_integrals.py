@@ -7,8 +7,10 @@ frame of the kernel, and all together only when they are proved independent.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 import sympy
 
@@ -16,21 +18,134 @@ from lagcli.pfaffian import (
     combinations,
     elimination,
     frobenius,
-    integral_search,
+    function_field,
     integrating_factors,
     potential,
     tidy_integral,
 )
-from lagcli.pfaffian import kernel_frame as frames
-from lagcli.pfaffian.exact import guarded, time_limit, zero_test
-from lagcli.pfaffian.exact.guarded import SympyFailure
+from lagcli.pfaffian.exact import guarded, normal_form, time_limit, zero_test
+from lagcli.pfaffian.exact.guarded import NoAnswerError, SympyFailure
 from lagcli.pfaffian.forms import form as forms
-from lagcli.pfaffian.integral_search import IntegralSearch, Proposals, SearchResult
+from lagcli.pfaffian.function_field import KernelFrame
 
 # Reciprocals among the letters; more letters leave lower degrees alone (`MAX_MONOMIALS`).
 MAX_RECIPROCALS = 8
+# Each |u| doubles the cases that are proved.
+MAX_KINKS = 3
 _POWERS = "as a product of powers and exponentials (linear equations for the exponents)"
 _SUMS = "as a sum of products with constant coefficients (linear equations for them)"
+
+
+@dataclass(frozen=True, slots=True)
+class SearchResult:
+    """A verified first integral; `how` completes the sentence "found ..."."""
+
+    integral: sympy.Expr
+    how: str
+
+
+Proposals = Iterator[SearchResult]
+Strategy = Callable[["IntegralSearch"], Proposals]
+
+
+def _found(
+    block: forms.PfaffianBlock, deadline: float, wanted: int | None = None, budget: int | None = None
+) -> list[SearchResult]:
+    """The verified and independent integrals found in the time; wanted: how many there are, one for each row else;
+    budget: of operations."""
+    search = IntegralSearch(block, deadline, wanted)
+    with contextlib.suppress(*time_limit.NO_ANSWER):
+        time_limit.run(deadline, search.run, budget)
+    return search.found
+
+
+class IntegralSearch:
+    """The search for the integrals of one system: its frame, and what was found so far, all of it verified; `factors`:
+    invariant surfaces found on the way; `used`: how many integrals were used to eliminate coordinates."""
+
+    def __init__(self, block: forms.PfaffianBlock, deadline: float, wanted: int | None = None) -> None:
+        self.block, self.deadline, self._wanted = block, deadline, wanted
+        self.found: list[SearchResult] = []
+        self._holonomic: list[sympy.Expr] = []
+        self.factors: list[sympy.Expr] = []
+        self.used = 0
+
+    def run(self) -> None:
+        """Search until all integrals are found or nothing is left to try. Raises `TimeUpError` and `NoAnswerError`."""
+        block = self.block
+        time = [x for x in block.variables if x.name == elimination.TIME]
+        gradients = [tuple(forms.partial(f, x) for x in block.variables) for f in block.surface]
+        rows = [*gradients, *block.rows]
+        self.frame = function_field.kernel(rows, block.variables, block.parameters, time)
+        self.entries = [e for row in self.frame.solved for e in row]
+        if not function_field.belongs(self.frame, rows, self.deadline, block.surface):
+            raise normal_form.NoNormalFormError("the kernel of the rows is not known")
+        for f in block.surface:
+            if self._is_new(f):
+                self._holonomic.append(f)
+        for strategy, budget in _WAYS:
+            if self.is_complete:
+                return
+            time_limit.check(self.deadline)
+            with contextlib.suppress(*time_limit.NO_ANSWER):
+                time_limit.run(self.deadline, partial(self._take, strategy), budget)
+
+    @property
+    def is_complete(self) -> bool:
+        """True if no more integrals exist."""
+        return len(self.integrals) >= len(self.frame.pivots) or len(self.found) == self._wanted
+
+    @property
+    def integrals(self) -> list[sympy.Expr]:
+        """The known constants of motion: the surface and what was found."""
+        return [*self._holonomic, *(f.integral for f in self.found)]
+
+    def alphabet(self, *more: sympy.Expr) -> combinations.Alphabet:
+        """The letters of the frame. On a surface those of the constants too: its points have various of them."""
+        constants = sorted(combinations.constants_of(self.frame), key=str) if self.block.surface else []
+        return combinations.alphabet(self.entries, self.frame.variables, [*more, *constants])
+
+    def _take(self, strategy: Strategy) -> None:
+        """Keep each proposal, or its tidy form, that is proved to be an integral that is new."""
+        for proposal in strategy(self):
+            ways = [proposal.integral]
+            with contextlib.suppress(NoAnswerError):
+                ways.insert(0, time_limit.run(self.deadline, partial(neat, proposal.integral, self.frame)))
+            for way in dict.fromkeys(ways):
+                if not potential.writable(way):
+                    continue
+                rates = zero_test.vanish(self.frame.rates(way), self.deadline, self.block.surface)
+                if rates.truth is zero_test.Truth.YES and self._is_new(way):
+                    # What comes after the budget is not found, at whatever moment it is ended.
+                    time_limit.check(self.deadline)
+                    self.found.append(SearchResult(way, proposal.how))
+                    break
+            if self.is_complete:
+                return
+
+    def _is_new(self, phi: sympy.Expr) -> bool:
+        """True if its differential is proved independent of those known, on every side of all kinks."""
+        pivots = [self.frame.variables[p] for p in self.frame.pivots]
+        matrix = [[forms.partial(f, x) for x in pivots] for f in (*self.integrals, phi)]
+        if len(matrix) > len(pivots):
+            return False
+        sides = forms.kink_sides(matrix, forms.moduli(matrix)[:MAX_KINKS])
+        return all(
+            function_field.has_rank(side, len(matrix), self.deadline, self.block.surface) for side in sides
+        )
+
+
+def neat(phi: sympy.Expr, frame: KernelFrame) -> sympy.Expr:
+    """The integral as a person would write it; every function of it is one as well."""
+    if not phi.has(sympy.log):
+        above, below = sympy.fraction(guarded.together(phi))
+        if below.free_symbols and not below.free_symbols & set(frame.variables):
+            phi = guarded.expand(above)
+    if phi.is_Add and not phi.has(sympy.log, sympy.atan):
+        rest = phi.primitive()[1]
+        rest = -rest if rest.could_extract_minus_sign() else rest
+        return min((rest, guarded.factor(rest)), key=lambda way: (way.count_ops(), len(str(way))))
+    return tidy_integral.integral(phi, frame.variables)
 
 
 def search(
@@ -53,7 +168,7 @@ def search(
     back = {r: s for s, r in real.items()}
     outer = {e: value for e, value in angles.items() if not e.is_Symbol}
     found = []
-    for each in integral_search.found_by(flat, _WAYS, deadline, wanted, budget):
+    for each in _found(flat, deadline, wanted, budget):
         phi = each.integral
         if phi.free_symbols & angles.keys():  # the coordinates of circles instead of their angles
             phi = guarded.expand_trig(phi).xreplace(outer).xreplace(angles)
@@ -177,7 +292,11 @@ def single_rows(search: IntegralSearch) -> Proposals:
     tried: set[tuple[sympy.Expr, ...]] = set()
     block = search.block
     for last in ((), *((x,) for x in block.variables)):
-        frame = search.frame if not last else frames.of(block.rows, block.variables, block.parameters, last)
+        frame = (
+            search.frame
+            if not last
+            else function_field.kernel(block.rows, block.variables, block.parameters, last)
+        )
         for a in sorted(range(len(frame.pivots)), key=lambda a: sum(e != 0 for e in frame.solved[a])):
             row = frame.row(a)
             if row in tried:
@@ -213,7 +332,7 @@ def eliminations(search: IntegralSearch) -> Proposals:
     remaining = tuple(x for x in block.variables if x not in values)
     rows = tuple(elimination.pulled_back(block.variables, row, values, remaining) for row in block.rows)
     smaller = forms.PfaffianBlock(block.names, remaining, rows, (*block.parameters, *constants))
-    for each in integral_search.found_by(smaller, _WAYS, search.deadline):
+    for each in _found(smaller, search.deadline):
         how = f"by eliminating a coordinate with another integral, {each.how}"
         yield SearchResult(each.integral.xreplace(constants), how)
 
@@ -311,7 +430,7 @@ def _exponential(A: sympy.Matrix, s: sympy.Expr) -> sympy.Matrix | None:
     return found if all(potential.writable(e) for e in found) else None
 
 
-_WAYS: integral_search.Ways = (
+_WAYS: tuple[tuple[Strategy, int], ...] = (
     (fixed, 40_000),
     (polynomials, 80_000),
     (products, 80_000),

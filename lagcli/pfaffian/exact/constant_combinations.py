@@ -46,11 +46,37 @@ def null_vectors(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list[
         independent, dependent, c = sampling.dependences(table, np.ones(len(columns)))
         taking_part = np.flatnonzero((np.abs(c) > doubles.ZERO).any(axis=1))
         involved = sorted({*dependent, *(independent[k] for k in taking_part)})
-    found = []
-    for vector in _null_vectors([columns[n] for n in involved], parameters):
-        entries = {involved[n]: entry for n, entry in vector.items()}
-        found.append(tuple(entries.get(n, sympy.Integer(0)) for n in range(len(columns))))
-    return found
+    if not involved:
+        return []
+    basis = normal_form.NormalForm([entry for n in involved for entry in columns[n]])
+    elements = [[basis.element(e) for e in columns[n]] for n in involved]
+    fixed = tuple(g for g in basis.letters if basis.means(g).free_symbols <= parameters)
+    is_fixed = [g in fixed for g in basis.letters]
+    rows: list[_PolyRow] = []
+    for equation in zip(*elements, strict=True):
+        # One row for each monomial in the letters that are not constant; entries are polynomials in those that are.
+        below = reduce(lambda a, b: a.lcm(b), (e.denom for e in equation), basis.ring.one)
+        found: dict[tuple[int, ...], dict[int, dict[tuple[int, ...], sympy.Rational]]] = {}
+        for column, e in enumerate(equation):
+            for powers, number in basis.remainder(e.numer * below.exquo(e.denom)).terms():
+                key = tuple(0 if c else p for p, c in zip(powers, is_fixed, strict=True))
+                rest = tuple(p if c else 0 for p, c in zip(powers, is_fixed, strict=True))
+                found.setdefault(key, {}).setdefault(column, {})[rest] = number
+        for entries in found.values():
+            rows.append({column: basis.ring.from_dict(entry) for column, entry in entries.items()})
+    generator = random.Random(_SEED)
+    for _ in range(_TRIALS):
+        image = _ModularImage(basis, fixed, generator)
+        echelon = _Echelon(image.prime, [image.row(row) for row in rows])
+        free = (n for n in range(len(involved)) if n not in echelon.pivots)
+        vectors = [_exact(basis, rows, echelon, n) for n in free]
+        if all(v is not None for v in vectors):
+            written = []
+            for v in (v for v in vectors if v is not None):
+                entries = {involved[n]: guarded.radsimp(basis.expression(v[n])) for n in sorted(v)}
+                written.append(tuple(entries.get(n, sympy.Integer(0)) for n in range(len(columns))))
+            return written
+    raise normal_form.NoNormalFormError("no exact solution of the linear equations was found")
 
 
 def _samples(columns: Columns, parameters: frozenset[sympy.Symbol]) -> Values | None:
@@ -81,38 +107,6 @@ def _samples(columns: Columns, parameters: frozenset[sympy.Symbol]) -> Values | 
             return None
         length = np.linalg.norm(table, axis=0)
         return np.asarray(table / np.where(length > 0, length, 1.0))
-
-
-def _null_vectors(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list[dict[int, sympy.Expr]]:
-    """As `null_vectors`, by the entries that are not zero."""
-    if not columns:
-        return []
-    basis = normal_form.NormalForm([entry for column in columns for entry in column])
-    table = [[basis.element(e) for e in column] for column in columns]
-    fixed = tuple(g for g in basis.letters if basis.means(g).free_symbols <= parameters)
-    is_fixed = [g in fixed for g in basis.letters]
-    rows: list[_PolyRow] = []
-    for equation in zip(*table, strict=True):
-        # One row for each monomial in the letters that are not constant; entries are polynomials in those that are.
-        below = reduce(lambda a, b: a.lcm(b), (e.denom for e in equation), basis.ring.one)
-        found: dict[tuple[int, ...], dict[int, dict[tuple[int, ...], sympy.Rational]]] = {}
-        for column, e in enumerate(equation):
-            for powers, number in basis.remainder(e.numer * below.exquo(e.denom)).terms():
-                key = tuple(0 if c else p for p, c in zip(powers, is_fixed, strict=True))
-                rest = tuple(p if c else 0 for p, c in zip(powers, is_fixed, strict=True))
-                found.setdefault(key, {}).setdefault(column, {})[rest] = number
-        for entries in found.values():
-            rows.append({column: basis.ring.from_dict(entry) for column, entry in entries.items()})
-    generator = random.Random(_SEED)
-    for _ in range(_TRIALS):
-        image = _ModularImage(basis, fixed, generator)
-        echelon = _Echelon(image.prime, [image.row(row) for row in rows])
-        free = (n for n in range(len(columns)) if n not in echelon.pivots)
-        vectors = [_exact(basis, rows, echelon, n) for n in free]
-        if all(v is not None for v in vectors):
-            exact = (v for v in vectors if v is not None)
-            return [{n: guarded.radsimp(basis.expression(v[n])) for n in sorted(v)} for v in exact]
-    raise normal_form.NoNormalFormError("no exact solution of the linear equations was found")
 
 
 class _ModularImage:

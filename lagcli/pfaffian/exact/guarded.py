@@ -17,13 +17,9 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 _LIBRARIES = ("sympy", "mpmath")
-# What was met, or stands in SymPy's files:
-#   solve, integrate, Matrix.exp   NotImplementedError where no algorithm fits (documented)
-#   factor_list, Poly, degree,     PolynomialError, PolificationFailed, CoercionFailed, HeuristicGCDFailed
-#   gcd, cancel, rem, groebner     (`BasePolynomialError`); ZeroDivisionError for a denominator that vanishes
-#   subs, powsimp, integrate       TypeError for a comparison with nan or a complex number; AttributeError, IndexError
-#                                  for a special function at a pole
-#   Matrix.inv, eigenvects         ValueError for a matrix without inverse (documented), NotImplementedError
+# What was met, or stands in SymPy's files: NotImplementedError where no algorithm fits; BasePolynomialError, and
+# ZeroDivisionError for a denominator that vanishes; TypeError for a comparison with nan or a complex number;
+# AttributeError, IndexError for a special function at a pole; ValueError for a matrix without inverse.
 _RAISED: tuple[type[Exception], ...] = (
     ArithmeticError,
     AssertionError,
