@@ -19,7 +19,7 @@ from lagcli.arrays import Floats
 from lagcli.frozen import frozen_value
 from lagcli.output.files import atomic_file, interrupts, write_guard
 from lagcli.output.files.write_guard import BadRequest
-from lagcli.output.tables import cell_text, sinks, table_format
+from lagcli.output.tables import sinks, table_format
 from lagcli.output.tables.incident_table import IncidentColumns
 from lagcli.simulation.run_state import checkpoint
 from lagcli.simulation.run_state.statistics import Incident
@@ -109,7 +109,7 @@ class TablePlan:
         assert self.file is not None
         return pathlib.Path(os.path.realpath(self.file))
 
-    def numbers(self, rows: Floats, texts: cell_text.Texts) -> Floats:
+    def numbers(self, rows: Floats, texts: table_format.Texts) -> Floats:
         """Rows as numbers alone, a text as its index among the words, (k, names)."""
         if not self.words:
             return rows
@@ -194,7 +194,7 @@ class SafeTable:
                     seen(block)
             self._sink.write(*self._plan.decoded(block))
 
-    def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:
+    def write(self, rows: Floats, texts: table_format.Texts = ()) -> None:
         """More rows (k, columns of numbers), and their texts."""
         with self._writing():
             self._sink.write(rows, texts)

@@ -43,7 +43,7 @@ class _LineWriter:
 
 def test_a_further_format_is_written_and_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     module = types.ModuleType("lagcli.output.tables.lines_format")
-    module.__dict__.update(writer=lambda path: _LineWriter, reader=_Lines)
+    module.JSONL = table_format.TableFormat(_LineWriter, _Lines)
     monkeypatch.setitem(sys.modules, module.__name__, module)
     monkeypatch.setitem(formats.FORMATS, "jsonl", formats.FileFormat("lines_format"))
     monkeypatch.setattr(formats, "TABLES", tuple(sorted(formats.FORMATS)))
@@ -62,6 +62,6 @@ def test_a_further_format_is_written_and_read(tmp_path: Path, monkeypatch: pytes
 
 @pytest.mark.parametrize("ending", formats.TABLES)
 def test_every_ending_has_its_file(ending: str) -> None:
-    found = table_format.of(ending)
+    found = table_format.of(Path(f"table.{ending}"))
     assert callable(found.writer)
     assert callable(found.reader)

@@ -9,19 +9,20 @@ from typing import NamedTuple
 
 class FileFormat(NamedTuple):
     """A format of tables. module: the file of `output.tables` that writes and reads it (`table_format`); separator:
-    between the cells of plain text, which has no place for a provenance."""
+    between the cells of plain text, which has no place for a provenance; needs: libraries that may be missing."""
 
     module: str
     separator: str = ""
+    needs: tuple[str, ...] = ()
 
 
 # A line each: all that is printed on formats and their endings follows from these.
 FORMATS = {
     "csv": FileFormat("csv_format", ","),
-    "tsv": FileFormat("tsv_format", "\t"),
+    "tsv": FileFormat("csv_format", "\t"),
     "json": FileFormat("json_format"),
     "npz": FileFormat("npz_format"),
-    "parquet": FileFormat("parquet_format"),
+    "parquet": FileFormat("parquet_format", needs=("pyarrow",)),
 }
 TABLES = tuple(sorted(FORMATS))
 PLAIN = {ending: fmt.separator for ending, fmt in FORMATS.items() if fmt.separator}

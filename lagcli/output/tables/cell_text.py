@@ -7,33 +7,22 @@ and again. The only file that imports orjson.
 import csv
 import io
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import orjson
 from numpy.typing import NDArray
 
 from lagcli.output.files import atomic_file
-
-Texts = Sequence[Sequence[str]]  # for each column of text, in the order of the table, its cells (k,)
+from lagcli.output.tables.table_format import TableHead, Texts
 
 # The texts of a part, with what is needed to make them, take some 100 bytes a number.
 _NUMBERS_AT_ONCE = 1 << 16
 _COMMA, _LINE_END = ord(","), ord("\n")
 _NULL = b"null"
 _BYTES = 1 << 24  # of a buffered block: large writes, and small beside what a run takes
-
-
-def require_no_infinity(rows: NDArray[np.float64], columns: Sequence[str]) -> None:
-    """ValueError with the name of the first column of ``rows``, shape (k, columns), that has an infinite value.
-
-    What has no value, as a multiplier at its pole, is nan.
-    """
-    infinite = np.flatnonzero(np.isinf(rows).any(axis=0))
-    if infinite.size:
-        raise ValueError(f'a table holds no infinite value, as there is in "{columns[infinite[0]]}"')
 
 
 def csv_lines(rows: NDArray[np.float64]) -> memoryview:
@@ -55,13 +44,6 @@ def json_lines(rows: NDArray[np.float64]) -> bytes:
 def parsed_json(text: bytes) -> Any:
     """The value of a text of JSON. Raises ValueError, also for numbers beyond all doubles and too deep lists."""
     return orjson.loads(text)
-
-
-def parts(rows: NDArray[np.float64], texts: Texts) -> Iterator[tuple[NDArray[np.float64], Texts]]:
-    """Rows, shape (k, columns of numbers), and their texts in parts of bounded size."""
-    step = max(1, _NUMBERS_AT_ONCE // max(1, rows.shape[1]))
-    for begin in range(0, len(rows), step):
-        yield rows[begin : begin + step], [column[begin : begin + step] for column in texts]
 
 
 def quoted(texts: Texts, delimiter: str) -> list[list[bytes]]:
@@ -139,19 +121,77 @@ class BlockFile:
         self._torn = False
 
 
-class BufferedRows:
-    """Copies of the rows of a table of ``width`` columns, stored as blocks of some sixteen megabytes.
+class BlockStream:
+    """``head``, with the first block, and blocks written to a stream, which is flushed after each of them."""
 
-    A block has the shape (width, k), one contiguous line a column, and is good until ``store`` returns.
+    def __init__(self, stream: BinaryIO, head: bytes) -> None:
+        # A run that fails before its first rows leaves the stream empty.
+        self._stream, self._head = stream, head
+
+    def append(self, block: bytes | memoryview) -> None:
+        """Write the head, if it is not there, and a block."""
+        self._stream.write(self._head)
+        self._head = b""
+        self._stream.write(block)
+        self._stream.flush()
+
+    def close(self) -> None:
+        """Leave the stream open for others."""
+
+    abandon = close
+
+
+class TextWriter:
+    """Writes a table whose text grows at its end, as its rows arrive; see `table_format.TableWriter`."""
+
+    def __init__(self, file: BlockFile | BlockStream, head: TableHead, end: bytes = b"") -> None:
+        self._file, self._end = file, end
+        self._numbers, self._at = head.numbers, head.text_indices
+        self._has_rows = False
+
+    def _block(self, numbers: NDArray[np.float64], texts: Texts) -> bytes | memoryview:
+        """The text of some rows."""
+        raise NotImplementedError
+
+    def write(self, rows: NDArray[np.float64], texts: Texts = ()) -> None:
+        infinite = np.flatnonzero(np.isinf(rows).any(axis=0))
+        if infinite.size:  # what has no value, as a multiplier at its pole, is nan
+            raise ValueError(
+                f'a table holds no infinite value, as there is in "{self._numbers[infinite[0]]}"'
+            )
+        step = max(1, _NUMBERS_AT_ONCE // max(1, rows.shape[1]))
+        for begin in range(0, len(rows), step):
+            part = slice(begin, begin + step)
+            self._file.append(self._block(rows[part], [column[part] for column in texts]))
+            self._has_rows = True
+
+    def finish(self) -> None:
+        self._file.append(self._end)
+        self._file.close()
+
+    def abandon(self) -> None:
+        self._file.abandon()
+
+
+class BufferedRows:
+    """Copies of the rows of a table of ``width`` numbers, stored as blocks of some sixteen megabytes, with their texts.
+
+    A block has the shape (width, k), one contiguous line a column, and is good until ``store`` returns; of each of the
+    columns of text it has the k cells.
     """
 
-    def __init__(self, width: int, store: Callable[[NDArray[np.float64]], None]) -> None:
+    def __init__(
+        self, width: int, texts: int, store: Callable[[NDArray[np.float64], list[list[str]]], None]
+    ) -> None:
         self._block = np.empty((width, max(1, _BYTES // (8 * max(1, width)))))
+        self._cells: list[list[str]] = [[] for _ in range(texts)]
         self._filled = 0
         self._store = store
 
-    def add(self, rows: NDArray[np.float64]) -> None:
-        """Take in ``rows``, shape (k, width), and store the blocks that have become full."""
+    def add(self, rows: NDArray[np.float64], texts: Texts) -> None:
+        """Take in ``rows``, shape (k, width), and their texts, and store the blocks that have become full."""
+        for column, cells in zip(self._cells, texts, strict=True):
+            column.extend(cells)
         taken = 0
         while taken < len(rows):
             part = rows[taken : taken + self._block.shape[1] - self._filled]
@@ -169,4 +209,7 @@ class BufferedRows:
         """
         filled, self._filled = self._filled, 0
         if filled:
-            self._store(self._block[:, :filled])
+            texts = [column[:filled] for column in self._cells]
+            for column in self._cells:
+                del column[:filled]
+            self._store(self._block[:, :filled], texts)

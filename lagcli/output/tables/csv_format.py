@@ -1,4 +1,4 @@
-"""Tables as CSV: a header and one line per row, UTF-8, "\\n" everywhere, doubles that read back exactly.
+"""Tables as CSV: a header and one line per row, UTF-8, "\\n" everywhere, doubles that read back exactly; TSV has tabs.
 
 What other programs write is read too: with any line ends, a mark at the beginning, blank lines at the end. A file that
 is plain (numbers alone, as many in every row, no quotes) is read at once; any other cell by cell, which tells what is
@@ -7,7 +7,6 @@ wrong and where.
 
 from __future__ import annotations
 
-import array
 import csv
 import functools
 import io
@@ -19,17 +18,8 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.output.tables import cell_text
-from lagcli.output.tables.table_format import (
-    SHOWN,
-    CheckSize,
-    Floats,
-    Make,
-    TableHead,
-    as_text,
-    bad,
-    column_indices,
-)
+from lagcli.output.tables import cell_text, table_format
+from lagcli.output.tables.table_format import SHOWN, CheckSize, Floats, TableFormat, TableHead, Texts, bad
 
 MOST_LINE = 1 << 22  # characters of a line of CSV: the names of 400 000 columns
 _BLOCK = 1 << 18  # bytes looked through at a time, and parsed: larger ones leave the cache
@@ -38,114 +28,77 @@ _WORDS = (b"nan", b"inf")  # that the writers have for what is no number
 _END = ord("\n")
 
 
-def writer(path: Path) -> Make:
-    """See `TableFormat`."""
-    return CsvWriter
+class CsvWriter(cell_text.TextWriter):
+    """Writes a table to a path, or to a stream that is flushed after every block; `delimiter`: between two values."""
 
-
-class CsvText:
-    """The lines of a table; `delimiter`: between two values, a comma or a tab."""
-
-    def __init__(self, head: TableHead, delimiter: str = ",") -> None:
-        self._head, self._delimiter, self._at = head, delimiter, head.text_indices
-
-    def header(self) -> bytes:
-        """The header line; names with a delimiter, a quote or a line break are quoted."""
+    def __init__(self, target: Path | BinaryIO, head: TableHead, delimiter: str = ",") -> None:
+        # Names and texts with a delimiter, a quote or a line break are quoted.
+        self._delimiter = delimiter
         line = io.StringIO()
-        csv.writer(line, delimiter=self._delimiter, lineterminator="\n").writerow(self._head.columns)
-        return line.getvalue().encode()
+        csv.writer(line, delimiter=delimiter, lineterminator="\n").writerow(head.columns)
+        begin = line.getvalue().encode()
+        if isinstance(target, Path):
+            super().__init__(cell_text.BlockFile(target, begin), head)
+        else:
+            super().__init__(cell_text.BlockStream(target, begin), head)
 
-    def lines(self, rows: Floats, texts: cell_text.Texts = ()) -> Iterator[bytes | memoryview]:
-        """The lines of ``rows``, shape (k, columns of numbers), in parts of bounded size."""
+    def _block(self, numbers: Floats, texts: Texts) -> bytes | memoryview:
+        text: bytes | memoryview = cell_text.csv_lines(numbers)
         tab = self._delimiter.encode()
-        for numbers, cells in cell_text.parts(rows, texts):
-            text: bytes | memoryview = cell_text.csv_lines(numbers)
-            if tab != b",":
-                text = bytes(text).replace(b",", tab)  # numbers hold no comma
-            if self._at:
-                found = bytes(text).splitlines()
-                quoted = cell_text.quoted(cells, self._delimiter)
-                text = b"".join(line + b"\n" for line in cell_text.spliced(found, self._at, quoted, tab))
-            yield text
+        if tab != b",":
+            text = bytes(text).replace(b",", tab)  # numbers hold no comma
+        if not self._at:
+            return text
+        quoted = cell_text.quoted(texts, self._delimiter)
+        lines = cell_text.spliced(bytes(text).splitlines(), self._at, quoted, tab)
+        return b"".join(line + b"\n" for line in lines)
 
 
-class CsvWriter:
-    """Writes a table to ``path`` as its rows arrive."""
-
-    def __init__(self, path: Path, head: TableHead, delimiter: str = ",") -> None:
-        self._text, self._numbers = CsvText(head, delimiter), head.numbers
-        self._file = cell_text.BlockFile(path, self._text.header())
-
-    def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:
-        cell_text.require_no_infinity(rows, self._numbers)
-        for part in self._text.lines(rows, texts):
-            self._file.append(part)
-
-    def finish(self) -> None:
-        self._file.close()
-
-    def abandon(self) -> None:
-        self._file.abandon()
-
-
-class CsvTable:
+class CsvTable(table_format.CellTable):
     """A file of lines with commas, UTF-8 with or without a mark at its beginning; any line ends."""
 
     separator, called, others = ",", "commas", r"[;\t]"
-    provenance: dict[str, object] | None = None
 
     def __init__(self, path: Path, check_size: CheckSize) -> None:
-        self._path, self._check_size = path, check_size
-        self.columns = next((tuple(row) for row in self._rows()), ())
+        super().__init__(path, check_size)
+        self.columns = next((tuple(row) for row in self._lines()), ())
         if len(self.columns) == 1 and re.search(self.others, self.columns[0]):
             raise bad(path, f"its columns are not separated by {self.called}")
-
-    def take(self, names: Sequence[str]) -> Floats:
-        at = column_indices(self.columns, names)
-        plain = self.length
-        if plain is not None:
-            self._check_size(self._path, plain, len(names))
-            found = plain_numbers(self._path, self.separator, len(self.columns), at, plain)
-            if found is not None:
-                return found
-        numbers, count = array.array("d"), 0
-        for count, row in self._complete_rows(len(names)):
-            numbers.extend([self._number(row[k], count, self.columns[k]) for k in at])
-        return np.array(numbers, dtype=np.float64).reshape(count, len(names))
 
     @functools.cached_property
     def length(self) -> int | None:
         return plain_count(self._path, self.separator, len(self.columns))
 
-    def words(self, name: str) -> list[str]:
-        index = self.columns.index(name)
-        return [as_text(self._path, row[index], count, name) for count, row in self._complete_rows(1)]
+    def take(self, names: Sequence[str]) -> Floats:
+        if self.length is not None:
+            self._check_size(self._path, self.length, len(names))
+            at = table_format.column_indices(self.columns, names)
+            found = plain_numbers(self._path, self.separator, len(self.columns), at, self.length)
+            if found is not None:
+                return found
+        return super().take(names)
 
-    def _complete_rows(self, wanted: int) -> Iterator[tuple[int, list[str]]]:
-        """The rows, counted from 1, each with all its cells, of which so many are wanted."""
-        count, blank = 0, 0
-        rows = self._rows()
-        next(rows, None)
-        for row in rows:
-            if not row:  # blank lines may end a file
-                blank += 1
-                continue
-            count += 1
-            if blank or len(row) != len(self.columns):
-                many = 0 if blank else len(row)
-                raise bad(self._path, f"row {count} has {many} entries for {len(self.columns)} columns")
-            self._check_size(self._path, count, wanted)
-            yield count, row
-
-    def _number(self, cell: str, row: int, name: str) -> float:
+    def _number(self, cell: object, row: int, name: str) -> float:
+        text = str(cell)
         try:
-            if cell.isascii() and "_" not in cell:  # which `float` would take
-                return float(cell) if cell else np.nan
+            if text.isascii() and "_" not in text:  # which `float` would take
+                return float(text) if text else np.nan
         except ValueError:
             pass
-        raise bad(self._path, f"row {row}: {cell[:SHOWN]!r} in the column {name[:SHOWN]!r} is no number")
+        raise bad(self._path, f"row {row}: {text[:SHOWN]!r} in the column {name[:SHOWN]!r} is no number")
 
     def _rows(self) -> Iterator[list[str]]:
+        is_blank = False
+        lines = self._lines()
+        next(lines, None)
+        for row in lines:
+            if not row:  # blank lines may end a file
+                is_blank = True
+                continue
+            yield [] if is_blank else row
+
+    def _lines(self) -> Iterator[list[str]]:
+        """The cells of all lines, the header among them."""
         with self._path.open(encoding="utf-8-sig", newline="") as file:
             length = 0  # characters since the last row
 
@@ -163,6 +116,16 @@ class CsvTable:
                     yield row
             except (csv.Error, UnicodeDecodeError) as error:
                 raise bad(self._path, error) from None
+
+
+class TsvTable(CsvTable):
+    """A file of lines with tabs."""
+
+    separator, called, others = "\t", "tabs", "[;,]"
+
+
+CSV = TableFormat(CsvWriter, CsvTable)
+TSV = TableFormat(functools.partial(CsvWriter, delimiter="\t"), TsvTable)
 
 
 def plain_count(path: Path, separator: str, width: int) -> int | None:
@@ -199,7 +162,8 @@ def plain_numbers(
     found, row = np.empty((count, len(columns))), 0
     with path.open("rb") as file:
         file.readline(MOST_LINE)
-        for lines in _lines(file):
+        while block := file.read(_BLOCK) + file.readline():  # whole lines
+            lines = block.removesuffix(b"\n")
             letters = np.frombuffer(lines + b"\n", dtype=np.uint8)
             found_ends = np.flatnonzero((letters == ord(separator)) | (letters == _END))
             if len(found_ends) % width:
@@ -231,9 +195,16 @@ def _part(lines: bytes, separator: str, ends: npt.NDArray[np.intp], columns: Seq
         cells = [lines[begin:end] for begin, end in bounds]
         values = _parsed(b",".join(cells), count)
         if values is None:
-            values = _with_words(cells)
-        if values is None:
-            return None
+            # Some of them are empty or words, or written as JSON does not
+            text = b"".join(cells).translate(None, _OF_NUMBERS)
+            for word in _WORDS:
+                text = text.replace(word, b"")
+            if text:
+                return None
+            try:
+                values = np.array([float(cell) if cell.strip() else np.nan for cell in cells])
+            except ValueError:
+                return None
         found[:, k] = values
     return found
 
@@ -247,34 +218,3 @@ def _parsed(cells: bytes, count: int) -> Floats | None:
     except ValueError:
         return None
     return found if len(found) == count else None  # of one empty cell there is none
-
-
-def _with_words(column: list[bytes]) -> Floats | None:
-    """The numbers of cells, of which some are empty or words, or written as JSON does not."""
-    text = b"".join(column).translate(None, _OF_NUMBERS)
-    for word in _WORDS:
-        text = text.replace(word, b"")
-    if text:
-        return None
-    try:
-        return np.array([float(cell) if cell.strip() else np.nan for cell in column])
-    except ValueError:
-        return None
-
-
-def _lines(file: BinaryIO) -> Iterator[bytes]:
-    """The rest of a file in blocks of whole lines, without the end of the last one."""
-    rest = b""
-    while block := file.read(_BLOCK):
-        block = rest + block
-        end = block.rfind(b"\n")
-        if end < 0:
-            rest = block
-            continue
-        rest = block[end + 1 :]
-        yield block[:end]
-    if rest:
-        yield rest
-
-
-reader = CsvTable  # see `TableFormat`

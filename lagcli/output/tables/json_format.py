@@ -11,64 +11,47 @@ from pathlib import Path
 
 import numpy as np
 
-from lagcli.output.tables import cell_text
+from lagcli.output.tables import cell_text, table_format
 from lagcli.output.tables.table_format import (
     SHOWN,
     CheckSize,
     Floats,
-    Make,
+    TableFormat,
     TableHead,
+    Texts,
     UnreadableTable,
-    as_text,
     bad,
-    column_indices,
 )
 
 MOST_JSON = 1 << 26  # bytes: a parsed file is up to 27 times as large (empty lists), 1.8 GB
 
 
-def writer(path: Path) -> Make:
-    """See `TableFormat`."""
-    return JsonWriter
-
-
-class JsonWriter:
-    """Writes a table to ``path`` as its rows arrive."""
+class JsonWriter(cell_text.TextWriter):
+    """Writes a table to ``path``."""
 
     def __init__(self, path: Path, head: TableHead) -> None:
-        self._end = b"\n]}\n"
+        end = b"\n]}\n"
         if head.provenance is not None:
             text = json.dumps(head.provenance, ensure_ascii=False, allow_nan=False)
-            self._end = f'\n], "provenance": {text}}}\n'.encode()
-        self._at, self._numbers = head.text_indices, head.numbers
-        self._separator = b"\n"
+            end = f'\n], "provenance": {text}}}\n'.encode()
         names = json.dumps(list(head.columns), ensure_ascii=False)
-        self._file = cell_text.BlockFile(path, f'{{"columns": {names}, "rows": ['.encode())
+        file = cell_text.BlockFile(path, f'{{"columns": {names}, "rows": ['.encode())
+        super().__init__(file, head, end)
 
-    def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:
-        cell_text.require_no_infinity(rows, self._numbers)
-        for numbers, cells in cell_text.parts(rows, texts):
-            text = cell_text.json_lines(numbers)
-            if self._at:
-                found = text[1:-1].split(b"],\n[")
-                words = cell_text.spliced(found, self._at, cell_text.as_json(cells), b",")
-                text = b"[" + b"],\n[".join(words) + b"]"
-            self._file.append(self._separator + text)
-            self._separator = b",\n"
-
-    def finish(self) -> None:
-        self._file.append(self._end)
-        self._file.close()
-
-    def abandon(self) -> None:
-        self._file.abandon()
+    def _block(self, numbers: Floats, texts: Texts) -> bytes:
+        text = cell_text.json_lines(numbers)
+        if self._at:
+            found = text[1:-1].split(b"],\n[")
+            words = cell_text.spliced(found, self._at, cell_text.as_json(texts), b",")
+            text = b"[" + b"],\n[".join(words) + b"]"
+        return (b",\n" if self._has_rows else b"\n") + text
 
 
-class JsonTable:
+class JsonTable(table_format.CellTable):
     """An object with `columns` and `rows`. It is read as a whole, so its bytes are bounded."""
 
     def __init__(self, path: Path, check_size: CheckSize) -> None:
-        self._path, self._check_size = path, check_size
+        super().__init__(path, check_size)
         with path.open("rb") as file:
             text = file.read(MOST_JSON + 1)
         if len(text) > MOST_JSON:
@@ -86,29 +69,20 @@ class JsonTable:
             raise bad(path, "it is no object with the lists `columns` and `rows`")
         if not all(isinstance(name, str) for name in names):
             raise bad(path, "a name of a column is no text")
-        self.columns, self._rows, self.length = tuple(names), rows, len(rows)
+        self.columns, self._entries = tuple(names), rows
         origin = found.get("provenance")
         self.provenance = origin if isinstance(origin, dict) else None
 
-    def take(self, names: Sequence[str]) -> Floats:
-        at = column_indices(self.columns, names)
-        found = np.empty((len(self._rows), len(names)))
-        for number, row in self._complete_rows(len(names)):
-            found[number - 1] = [self._number(row[k], number, self.columns[k]) for k in at]
-        return found
+    @property
+    def length(self) -> int:
+        return len(self._entries)
 
-    def words(self, name: str) -> list[str]:
-        index = self.columns.index(name)
-        return [as_text(self._path, row[index], number, name) for number, row in self._complete_rows(1)]
-
-    def _complete_rows(self, wanted: int) -> Iterator[tuple[int, list[object]]]:
-        """The rows, counted from 1, of which so many columns are wanted."""
-        self._check_size(self._path, len(self._rows), wanted)
-        for number, row in enumerate(self._rows, 1):
-            if not isinstance(row, list) or len(row) != len(self.columns):
-                many = len(row) if isinstance(row, list) else "no list of"
-                raise bad(self._path, f"row {number} has {many} entries for {len(self.columns)} columns")
-            yield number, row
+    def _rows(self) -> Iterator[Sequence[object]]:
+        for number, row in enumerate(self._entries, 1):
+            if not isinstance(row, list):
+                many = f"no list of entries for {len(self.columns)} columns"
+                raise bad(self._path, f"row {number} has {many}")
+            yield row
 
     def _number(self, cell: object, row: int, name: str) -> float:
         if cell is None:
@@ -120,4 +94,4 @@ class JsonTable:
         return float(cell)
 
 
-reader = JsonTable  # see `TableFormat`
+JSON = TableFormat(JsonWriter, JsonTable)

@@ -8,15 +8,16 @@ would look like a column.
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import itertools
 import json
 import re
 import tempfile
 import zipfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 
@@ -25,8 +26,9 @@ from lagcli.output.tables.table_format import (
     SHOWN,
     CheckSize,
     Floats,
-    Make,
+    TableFormat,
     TableHead,
+    Texts,
     UnreadableTable,
     bad,
     parsed_provenance,
@@ -36,11 +38,6 @@ _BYTES_IN_MEMORY = 1 << 23  # of rows that wait, before a file is made for them
 _MOST_COMMENT = 65_535  # bytes; the format of zip archives has no room for more
 MOST_HEADER = 4096  # bytes of the header of an array
 NUMBERS, TEXTS = "[<>|=]?[fiu][1248]", r"[<>=]U\d{1,4}"
-
-
-def writer(path: Path) -> Make:
-    """See `TableFormat`."""
-    return NpzWriter
 
 
 class NpzWriter:
@@ -54,52 +51,53 @@ class NpzWriter:
             while len(text := json.dumps(entries, allow_nan=False).encode()) > _MOST_COMMENT:
                 entries[max(entries, key=lambda name: len(json.dumps(entries[name])))] = None
             self._comment = text
-        self._path, self._columns, self._width = path, head.columns, len(head.numbers)
-        self._texts: dict[str, list[str]] = {head.columns[index]: [] for index in head.text_indices}
-        self._buffer = cell_text.BufferedRows(self._width, self._store)
+        self._path, self._head, self._width = path, head, len(head.numbers)
+        self._buffer = cell_text.BufferedRows(self._width, len(head.text_indices), self._store)
         self._spool = tempfile.SpooledTemporaryFile(  # noqa: SIM115 (closed by finish or abandon)
             max_size=_BYTES_IN_MEMORY, dir=str(path.parent)
         )
-        self._lengths: list[int] = []
+        self._blocks: list[tuple[int, list[list[str]]]] = []  # rows of each, and their texts
 
-    def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:
-        self._buffer.add(rows)
-        for column, cells in zip(self._texts.values(), texts, strict=True):
-            column.extend(cells)
+    def write(self, rows: Floats, texts: Texts = ()) -> None:
+        self._buffer.add(rows, texts)
 
     def finish(self) -> None:
         """Write the archive; its bytes depend on the table alone."""
         self._buffer.flush()
         with self._spool, zipfile.ZipFile(self._path, "w") as archive:
             archive.comment = self._comment
-            index = 0
-            for name in self._columns:
+            numbers, texts = itertools.count(), itertools.count()
+            for name in self._head.columns:
                 # A fixed date, so that equal tables give equal files.
                 member = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
                 with archive.open(member, "w", force_zip64=True) as file:
-                    if name in self._texts:
-                        cells = np.array(self._texts[name][: sum(self._lengths)], dtype="<U")
-                        np.lib.format.write_array(file, cells, version=(1, 0), allow_pickle=False)
+                    if name in self._head.texts:
+                        k = next(texts)
+                        cells = [cell for _, columns in self._blocks for cell in columns[k]]
+                        array = np.array(cells, dtype="<U")
+                        np.lib.format.write_array(file, array, version=(1, 0), allow_pickle=False)
                         continue
-                    shape = (sum(self._lengths),)
-                    header = {"descr": "<f8", "fortran_order": False, "shape": shape}
+                    header = {"descr": "<f8", "fortran_order": False, "shape": (self._rows,)}
                     np.lib.format.write_array_header_1_0(file, header)
-                    first = 0  # byte of the block in the spool
-                    for length in self._lengths:
+                    index, first = next(numbers), 0  # byte of the block in the spool
+                    for length, _ in self._blocks:
                         self._spool.seek(first + 8 * length * index)
                         file.write(self._spool.read(8 * length))
                         first += 8 * length * self._width
-                index += 1
 
     def abandon(self) -> None:
         """Remove the temporary file."""
         self._spool.close()
 
-    def _store(self, block: Floats) -> None:
+    @property
+    def _rows(self) -> int:
+        return sum(length for length, _ in self._blocks)
+
+    def _store(self, block: Floats, texts: list[list[str]]) -> None:
         # Sought, not merely appended: an interrupted block must be overwritten by the next.
-        self._spool.seek(8 * self._width * sum(self._lengths))
+        self._spool.seek(8 * self._width * self._rows)
         self._spool.write(np.ascontiguousarray(block, "<f8").data)
-        self._lengths.append(block.shape[1])
+        self._blocks.append((block.shape[1], texts))
 
 
 class NpzTable:
@@ -107,21 +105,21 @@ class NpzTable:
 
     def __init__(self, path: Path, check_size: CheckSize) -> None:
         self._path, self._check_size = path, check_size
-        with path.open("rb") as file, self._archive(file) as archive:
+        with self._archive() as archive:
             self._members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
             self.columns = tuple(info.filename.removesuffix(".npy") for info in archive.infolist())
             self.provenance = parsed_provenance(archive.comment)
 
     @functools.cached_property
     def length(self) -> int | None:
-        with self._path.open("rb") as file, self._archive(file) as archive:
+        with self._archive() as archive:
             try:
                 return self._header(archive, self.columns[0])[1] if self.columns else 0
             except UnreadableTable:
                 return None
 
     def take(self, names: Sequence[str]) -> Floats:
-        with self._path.open("rb") as file, self._archive(file) as archive:
+        with self._archive() as archive:
             headers = [self._header(archive, name) for name in names]
             lengths = {length for _, length, _ in headers}
             if len(lengths) > 1:
@@ -135,7 +133,7 @@ class NpzTable:
         return found
 
     def words(self, name: str) -> list[str]:
-        with self._path.open("rb") as file, self._archive(file) as archive:
+        with self._archive() as archive:
             kind, length, start = self._header(archive, name, is_text=True)
             self._check_size(self._path, length, 1 + kind.itemsize // 8)
             data = self._bytes(archive, name, start, length * kind.itemsize)
@@ -144,12 +142,16 @@ class NpzTable:
         except ValueError as error:  # a code that is no letter
             raise bad(self._path, f"`{name}`: {error}") from None
 
-    def _archive(self, file: BinaryIO) -> zipfile.ZipFile:
-        try:
-            return zipfile.ZipFile(file)
-        except (zipfile.BadZipFile, NotImplementedError, ValueError, OSError) as error:
-            # The file is open: an OSError is a position that the archive names and that is not there.
-            raise bad(self._path, error) from None
+    @contextlib.contextmanager
+    def _archive(self) -> Iterator[zipfile.ZipFile]:
+        with self._path.open("rb") as file:
+            try:
+                archive = zipfile.ZipFile(file)
+            except (zipfile.BadZipFile, NotImplementedError, ValueError, OSError) as error:
+                # The file is open: an OSError is a position that the archive names and that is not there.
+                raise bad(self._path, error) from None
+            with archive:
+                yield archive
 
     def _header(
         self, archive: zipfile.ZipFile, name: str, is_text: bool = False
@@ -183,18 +185,11 @@ class NpzTable:
             with archive.open(self._members[name]) as member:
                 member.read(start)
                 data = member.read(count)
-        except (
-            zipfile.BadZipFile,
-            zlib.error,
-            EOFError,
-            NotImplementedError,
-            RuntimeError,
-            OSError,
-        ) as error:
+        except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, OSError) as error:
             raise bad(self._path, f"`{name}`: {error or 'it ends too early'}") from None
         if len(data) != count:
             raise bad(self._path, f"`{name}` ends too early")
         return data
 
 
-reader = NpzTable  # see `TableFormat`
+NPZ = TableFormat(NpzWriter, NpzTable)

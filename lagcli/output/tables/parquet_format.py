@@ -1,5 +1,4 @@
-"""Tables as Parquet, one row group per buffered block; the only file that imports pyarrow, an extra, in functions: the
-format is known by its file where there is none."""
+"""Tables as Parquet, one row group per buffered block; the only file that imports pyarrow, an extra."""
 
 from __future__ import annotations
 
@@ -7,93 +6,57 @@ import contextlib
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pyarrow.parquet
 
-from lagcli.errors import requirements
 from lagcli.output.tables import cell_text
 from lagcli.output.tables.table_format import (
     CheckSize,
     Floats,
-    Make,
-    MissingExtra,
+    TableFormat,
     TableHead,
+    Texts,
     as_text,
     bad,
     parsed_provenance,
 )
 
-if TYPE_CHECKING:
-    import pyarrow.parquet
-
 _BATCH = 1 << 15  # rows read at a time
 
 
-def writer(path: Path) -> Make:
-    """See `TableFormat`."""
-    with needing_pyarrow(path):
-        import pyarrow.parquet  # noqa: F401 (it is there)
-    return ParquetTableWriter
-
-
-@contextlib.contextmanager
-def needing_pyarrow(path: Path) -> Iterator[None]:
-    """Surround what imports pyarrow, for this file. Raises `MissingExtra` if it is missing or too old."""
-    refusal = requirements.too_old(requirements.OPTIONAL)
-    if refusal:
-        raise MissingExtra(f'"{path.name}": {refusal}')
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        if error.name is None or error.name.partition(".")[0] != "pyarrow":
-            raise
-        raise MissingExtra(
-            f'"{path.name}" needs pyarrow, which is not installed: pip install "lagcli[parquet]"'
-        ) from error
-
-
-class ParquetTableWriter:
+class ParquetWriter:
     """Writes a table of float64 columns, and string ones, without nulls to ``path`` as its rows arrive; the metadata of
     its schema hold ``provenance`` as JSON."""
 
     def __init__(self, path: Path, head: TableHead) -> None:
-        import pyarrow.parquet
-
         kinds = {name: pyarrow.string() if name in head.texts else pyarrow.float64() for name in head.columns}
         fields = [pyarrow.field(name, kind, nullable=False) for name, kind in kinds.items()]
         origin = head.provenance
         metadata = None if origin is None else {"provenance": json.dumps(origin, allow_nan=False)}
         self._schema = pyarrow.schema(fields, metadata=metadata)
-        self._texts: dict[int, list[str]] = {index: [] for index in head.text_indices}
-        self._buffer = cell_text.BufferedRows(len(head.numbers), self._store)
+        self._at = head.text_indices
+        self._buffer = cell_text.BufferedRows(len(head.numbers), len(self._at), self._store)
         # Dictionaries do not shrink columns in which hardly a number comes twice.
         words = list(head.texts) or False
         self._writer = pyarrow.parquet.ParquetWriter(str(path), self._schema, use_dictionary=words)
 
-    def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:
-        for column, cells in zip(self._texts.values(), texts, strict=True):
-            column.extend(cells)
-        self._buffer.add(rows)
+    def write(self, rows: Floats, texts: Texts = ()) -> None:
+        self._buffer.add(rows, texts)
 
     def finish(self) -> None:
         self._buffer.flush()
         self._writer.close()
 
     def abandon(self) -> None:
-        import pyarrow
-
         # A writer that has failed may not be able to end its file.
         with contextlib.suppress(pyarrow.ArrowException):
             self._writer.close()
 
-    def _store(self, block: Floats) -> None:
-        import pyarrow
-
+    def _store(self, block: Floats, texts: list[list[str]]) -> None:
         arrays = [pyarrow.array(column) for column in block]
-        for index, cells in self._texts.items():
-            arrays.insert(index, pyarrow.array(cells[: block.shape[1]], pyarrow.string()))
-            del cells[: block.shape[1]]
+        for index, cells in zip(self._at, texts, strict=True):
+            arrays.insert(index, pyarrow.array(cells, pyarrow.string()))
         self._writer.write_table(pyarrow.Table.from_arrays(arrays, schema=self._schema))
 
 
@@ -102,8 +65,6 @@ class ParquetTable:
     nothing is read."""
 
     def __init__(self, path: Path, check_size: CheckSize) -> None:
-        with needing_pyarrow(path):
-            import pyarrow.parquet
         with path.open("rb"):  # what the file system says, pyarrow wraps
             pass
         self._path, self._check_size = path, check_size
@@ -149,8 +110,6 @@ class ParquetTable:
     @contextlib.contextmanager
     def _opened(self) -> Iterator[pyarrow.parquet.ParquetFile]:
         """The file as pyarrow reads it. Raises `UnreadableTable` for what pyarrow cannot read as a table."""
-        import pyarrow.parquet
-
         try:
             with pyarrow.parquet.ParquetFile(str(self._path)) as file:
                 yield file
@@ -160,4 +119,4 @@ class ParquetTable:
             ) from None
 
 
-reader = ParquetTable  # see `TableFormat`
+PARQUET = TableFormat(ParquetWriter, ParquetTable)

@@ -5,23 +5,21 @@ import errno
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.output.files import atomic_file, formats
-from lagcli.output.tables import cell_text, csv_format, table_format
-from lagcli.output.tables.table_format import TableHead, TableWriter
+from lagcli.output.files import atomic_file
+from lagcli.output.tables import csv_format, table_format
+from lagcli.output.tables.table_format import TableHead, TableWriter, Texts
 
 
 class Sink:
-    """Takes the rows of one table block by block; exactly one of commit, keep_partial and discard ends it.
+    """Takes the rows of one table block by block; one of commit, keep_partial and discard ends it.
 
-    file: that is written aside and moved into place; None for a stream. As a context manager it is discarded on an
-    exception and committed otherwise, unless it has been ended before. All methods let OSError pass; a commit or
-    keep_partial that fails has discarded.
+    file: that is written aside; None for a stream. A context that has not been ended is discarded on an exception and
+    committed otherwise. All methods let OSError pass; a commit or keep_partial that fails has discarded.
     """
 
     def __init__(self, head: TableHead, writer: TableWriter, file: atomic_file.PendingFile | None) -> None:
@@ -34,7 +32,7 @@ class Sink:
         """True if the rows go into a file that is moved into place, and not to a reader who may keep them waiting."""
         return self._file is not None and not self._file.is_in_place
 
-    def write(self, rows: NDArray[np.float64], texts: cell_text.Texts = ()) -> None:
+    def write(self, rows: NDArray[np.float64], texts: Texts = ()) -> None:
         """Append ``rows``, shape (k, columns of numbers), and the cells of each column of text; raises ValueError for
         another shape or an ended sink."""
         self._must_be_open()
@@ -49,33 +47,27 @@ class Sink:
     def finish(self, planned: int | None = None) -> None:
         """The table is complete, and a file of it still aside; ``planned``: the number of its rows, where it is known:
         OSError where others were written."""
-        with atomic_file.undone_by(self.discard if self._file is not None else lambda: None):
+        with atomic_file.undone_by(self.discard):
             self._must_be_open()
             if planned is not None and planned != self._rows:
                 raise OSError(errno.EIO, f"{self._rows} rows were written of {planned}")
-            if self._file is not None and not self._is_finished:
+            if not self._is_finished:
                 self._writer.finish()
                 self._is_finished = True
 
     def commit(self, durably: bool = False, planned: int | None = None) -> None:
         """Finish the table, and move it into place; ``durably``: return when it is on the disk."""
-        if self._file is None:
-            self._must_be_open()
-            self._writer.finish()
         self.finish(planned)
-        if self._file is not None:
-            with atomic_file.undone_by(self.discard):
+        with atomic_file.undone_by(self.discard):
+            if self._file is not None:
                 self._file.commit(durably)
         self._ended = True
 
     def keep_partial(self) -> Path | None:
         """The run broke off: keep the rows so far in FILE.partial and return that path; None for a stream."""
-        if self._file is None:
-            self.commit()
-            return None
         self.finish()
         with atomic_file.undone_by(self.discard):
-            partial = self._file.keep_partial()
+            partial = None if self._file is None else self._file.keep_partial()
         self._ended = True
         return partial
 
@@ -95,9 +87,7 @@ class Sink:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if not self._ended:
             (self.commit if kind is None else self.discard)()
 
@@ -126,34 +116,9 @@ def open_sink(
         raise ValueError("two columns of one name")
     head = TableHead(tuple(columns), tuple(texts), provenance)
     if not isinstance(target, str | os.PathLike):
-        return Sink(head, _StreamWriter(target, head), None)
+        return Sink(head, csv_format.CsvWriter(target, head), None)
     path = Path(target)
-    fmt = formats.of(path, formats.TABLES)
-    make = table_format.of(fmt).writer(path)
+    begin = table_format.of(path).writer
     file = atomic_file.PendingFile(path)
     with atomic_file.undone_by(file.discard):
-        return Sink(head, make(file.path, head), file)
-
-
-class _StreamWriter:
-    """Writes CSV to a stream, flushed after every block; see `TableWriter`."""
-
-    def __init__(self, stream: BinaryIO, head: TableHead) -> None:
-        self._table, self._numbers, self._stream = csv_format.CsvText(head), head.numbers, stream
-        # Written with the first rows, so that a run which fails before them leaves the stream empty.
-        self._header = self._table.header()
-
-    def write(self, rows: NDArray[np.float64], texts: cell_text.Texts = ()) -> None:
-        cell_text.require_no_infinity(rows, self._numbers)
-        self._stream.write(self._header)
-        self._header = b""
-        for part in self._table.lines(rows, texts):
-            self._stream.write(part)
-        self._stream.flush()
-
-    def finish(self) -> None:
-        self._stream.write(self._header)
-        self._stream.flush()
-
-    def abandon(self) -> None:
-        pass
+        return Sink(head, begin(file.path, head), file)

@@ -1,32 +1,32 @@
-"""The protocol of a table format, tables read back, the choice of their columns, and the refusals of other files.
+"""What all formats of tables share: writers and readers, tables read back, the choice of columns, refusals.
 
-A format is a file of this folder with the functions `writer` and `reader` and its line in `formats.FORMATS`; it is
-loaded when a table of it is at hand. A table may come from anywhere: its names are known before any of its numbers is
-read, only the columns that are asked for are read, and how much that is is looked at first.
+A format is a file of this folder with a `TableFormat`, and its line in `formats.FORMATS`; it is loaded when a table of
+it is at hand. A table may come from anywhere: only the columns that are asked for are read, and how much that is is
+looked at first.
 """
 
 from __future__ import annotations
 
+import array
 import difflib
 import fnmatch
 import importlib
 import json
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import NamedTuple, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lagcli.errors import requirements
 from lagcli.frozen import frozen_value
 from lagcli.output.files import formats
 
-if TYPE_CHECKING:
-    from lagcli.output.tables import cell_text  # it loads orjson
-
 Floats = NDArray[np.float64]
+Texts = Sequence[Sequence[str]]  # for each column of text, in the order of the table, its cells (k,)
 CheckSize = Callable[[Path, int, int], None]  # of a file, rows and columns; raises `UnreadableTable`
 Provenance = Mapping[str, object] | None
 
@@ -64,7 +64,7 @@ class ReadTable(Protocol):
 class TableWriter(Protocol):
     """Writes one file, as its rows arrive. All methods let OSError pass."""
 
-    def write(self, rows: Floats, texts: cell_text.Texts = ()) -> None:
+    def write(self, rows: Floats, texts: Texts = ()) -> None:
         """Append rows (k, columns of numbers) and the cells of each column of text."""
 
     def finish(self) -> None:
@@ -93,25 +93,30 @@ class TableHead:
         return tuple(name for name in self.columns if name not in self.texts)
 
 
-# Begins the file of this path.
-Make = Callable[[Path, TableHead], TableWriter]
+class TableFormat(NamedTuple):
+    """Begins the file at a path, and opens one; the reader raises `UnreadableTable` and OSError."""
+
+    writer: Callable[[Path, TableHead], TableWriter]
+    reader: Callable[[Path, CheckSize], ReadTable]
 
 
-class TableFormat(Protocol):
-    """The functions that the file of a format has."""
-
-    def writer(self, path: Path) -> Make:
-        """The function that begins a file. path: of the table, for messages. Raises `MissingExtra`."""
-
-    def reader(self, path: Path, check_size: CheckSize) -> ReadTable:
-        """An open table. Raises `MissingExtra`, `UnreadableTable`, OSError."""
-
-
-def of(ending: str) -> TableFormat:
-    """The format of an ending of `formats.TABLES`."""
-    return cast(
-        TableFormat, importlib.import_module(f"lagcli.output.tables.{formats.FORMATS[ending].module}")
-    )
+def of(path: Path) -> TableFormat:
+    """The format of a file, by its ending. Raises `formats.UnknownFormat`, `MissingExtra`."""
+    ending = formats.of(path, formats.TABLES)
+    module, needs = formats.FORMATS[ending].module, formats.FORMATS[ending].needs
+    refusal = requirements.too_old(needs)
+    if refusal:
+        raise MissingExtra(f'"{path.name}": {refusal}')
+    try:
+        found = importlib.import_module(f"lagcli.output.tables.{module}")
+    except ModuleNotFoundError as error:
+        missing = (error.name or "").partition(".")[0]
+        if missing not in needs:
+            raise
+        raise MissingExtra(
+            f'"{path.name}" needs {missing}, which is not installed: pip install "lagcli[{ending}]"'
+        ) from error
+    return cast(TableFormat, getattr(found, ending.upper()))
 
 
 def bad(path: Path, reason: object) -> UnreadableTable:
@@ -124,6 +129,48 @@ def as_text(path: Path, cell: object, row: int, name: str) -> str:
     if not isinstance(cell, str) or len(cell) > MOST_TEXT:
         raise bad(path, f"row {row}: {name[:SHOWN]!r} holds {str(cell)[:SHOWN]!r}, which is no word")
     return cell
+
+
+class CellTable:
+    """A table that is read row by row and cell by cell; see `ReadTable`."""
+
+    columns: tuple[str, ...]
+    provenance: dict[str, object] | None = None
+
+    def __init__(self, path: Path, check_size: CheckSize) -> None:
+        self._path, self._check_size = path, check_size
+
+    @property
+    def length(self) -> int | None:
+        raise NotImplementedError
+
+    def _rows(self) -> Iterator[Sequence[object]]:
+        """The cells of each row."""
+        raise NotImplementedError
+
+    def _number(self, cell: object, row: int, name: str) -> float:
+        """The number in a cell. Raises `UnreadableTable`."""
+        raise NotImplementedError
+
+    def take(self, names: Sequence[str]) -> Floats:
+        at = column_indices(self.columns, names)
+        numbers, count = array.array("d"), 0
+        for count, row in self._complete_rows(len(names)):
+            numbers.extend([self._number(row[k], count, self.columns[k]) for k in at])
+        return np.array(numbers, dtype=np.float64).reshape(count, len(names))
+
+    def words(self, name: str) -> list[str]:
+        index = self.columns.index(name)
+        return [as_text(self._path, row[index], count, name) for count, row in self._complete_rows(1)]
+
+    def _complete_rows(self, wanted: int) -> Iterator[tuple[int, Sequence[object]]]:
+        """The rows, counted from 1, each with all its cells, of which so many are wanted."""
+        self._check_size(self._path, self.length or 0, wanted)
+        for count, row in enumerate(self._rows(), 1):
+            if len(row) != len(self.columns):
+                raise bad(self._path, f"row {count} has {len(row)} entries for {len(self.columns)} columns")
+            self._check_size(self._path, count, wanted)
+            yield count, row
 
 
 def parsed_provenance(text: bytes | None) -> dict[str, object] | None:
@@ -161,7 +208,7 @@ def opened(path: str | os.PathLike[str], most: int | None = None) -> ReadTable:
                 " memory): write fewer rows, or a shorter run"
             )
 
-    found = of(formats.of(target, formats.TABLES)).reader(target, check_size)
+    found = of(target).reader(target, check_size)
     if len(set(found.columns)) < len(found.columns):
         raise UnreadableTable(f"{path} has two columns of one name")
     return found
