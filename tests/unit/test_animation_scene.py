@@ -13,7 +13,7 @@ import pytest
 import lagcli
 from lagcli.api import animate
 from lagcli.model.model import Model
-from lagcli.output.animation import builder, links, nets, page, quadratic_algebra, quadratic_form
+from lagcli.output.animation import builder, links, nets, page, quadratic
 from lagcli.output.animation.scene import DrawnSurface, Scene
 
 MODELS = pathlib.Path(__file__).resolve().parents[2] / "models"
@@ -484,8 +484,8 @@ def test_what_is_not_simple_is_not_taken_for_it(row: str) -> None:
     model = lagcli.loads(
         f"lagcli: 1\nparticles: {{a: {{mass: 1, position: [1, 1, 1]}}}}\nholonomic: {{row: {row}}}"
     )
-    (found,) = quadratic_algebra.rows(model, np.linspace(0, 1, 3))
-    assert quadratic_form.distance(found.form, False) is None
+    (found,) = quadratic.rows(model, np.linspace(0, 1, 3))
+    assert quadratic.distance(found.form, False) is None
 
 
 # ---- forces, view, sizes

@@ -10,10 +10,9 @@ import pytest
 import lagcli
 from lagcli.api import cache
 from lagcli.model.model import Units
-from lagcli.output.animation import links, nets, quadratic_form, row_pictures, scene
+from lagcli.output.animation import links, nets, quadratic, row_pictures, scene
 from lagcli.output.animation.links import PointTable
-from lagcli.output.animation.quadratic_algebra import PicturedRow
-from lagcli.output.animation.quadratic_form import Quadratic
+from lagcli.output.animation.quadratic import PicturedRow, Quadratic
 from lagcli.output.animation.row_pictures import RowPictures, SingleParticleRow
 from lagcli.output.animation.scene import Viewpoint
 from lagcli.output.figures import chart, chart_table, compose, panels
@@ -34,7 +33,7 @@ FACE = Viewpoint(Z, np.array([0.0, 1.0, 0.0]), np.zeros(3), 1.0, True)
 def pictured(form: Quadratic, kind: str = "holonomic") -> PicturedRow:
     model = lagcli.loads(MODEL)
     law = model.holonomic[0] if kind == "holonomic" else model.inequality[0]
-    return PicturedRow("row", "holonomic" if kind == "holonomic" else "inequality", form, law, 0)
+    return PicturedRow("row", form, law, 0)
 
 
 def numbers(**values: float) -> dict[int, np.float64]:
@@ -67,7 +66,7 @@ def test_a_rod_that_is_off_its_length_is_not_drawn(off: float, drawn: int) -> No
     points = PointTable(np.array([[[0.0, 0, 0], [0.0, 0, 1 + off]]]))
     square = {(i, i): np.float64(1) for i in range(6)} | {(i, i + 3): np.float64(-2) for i in range(3)}
     row = pictured(Quadratic(np.float64(-1), {}, square))
-    found = quadratic_form.distance(row.form, False)
+    found = quadratic.distance(row.form, False)
     assert found is not None
     link = links.of_row(row, found, points, False)
     assert ((link is not None), points.unenforced) == (bool(drawn), 1 - drawn)
@@ -76,7 +75,7 @@ def test_a_rod_that_is_off_its_length_is_not_drawn(off: float, drawn: int) -> No
 @pytest.mark.parametrize(("change", "is_distance"), [(3e-10, True), (3e-9, False)])
 def test_squares_with_other_factors_are_no_distance(change: float, is_distance: bool) -> None:
     square = {(0, 0): np.float64(1), (1, 1): np.float64(1), (2, 2): np.float64(1 + change)}
-    found = quadratic_form.distance(Quadratic(np.float64(-1), {}, square), False)
+    found = quadratic.distance(Quadratic(np.float64(-1), {}, square), False)
     assert (found is not None) is is_distance
 
 
@@ -113,8 +112,8 @@ def test_a_plane_that_is_the_picture_draws_no_line(slope: float, lines: int) -> 
         return SingleParticleRow("row", False, True, False, lambda places: np.asarray(places @ normal))
 
     found = RowPictures(single={0: [lone(np.array([0, slope, 1.0])), lone(np.array([0, 1.0, 0]))]})
-    pictures = row_pictures.CurvePictures(lagcli.loads(MODEL), np.zeros(1), np.zeros((1, 1, 3)), FACE, found)
-    assert len(pictures.all()) == lines
+    drawn = row_pictures.curves(lagcli.loads(MODEL), np.zeros(1), np.zeros((1, 1, 3)), FACE, found)
+    assert len(drawn) == lines
 
 
 @pytest.mark.parametrize(("bend", "axis"), [(2e-9, 2), (8e-9, None)])

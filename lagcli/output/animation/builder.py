@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from lagcli.errors import diagnostics
 from lagcli.model import model as nouns
-from lagcli.output.animation import links, quadratic_algebra, row_pictures, scene
+from lagcli.output.animation import links, quadratic, row_pictures, scene
 from lagcli.output.animation.links import PointTable, Tie
-from lagcli.output.animation.row_pictures import CurvePictures, RowPictures
+from lagcli.output.animation.row_pictures import RowPictures
 from lagcli.output.animation.scene import STANDING, DrawnSurface, Link, Scene, TimeCurve, steady
 from lagcli.output.figures import chart
 
@@ -74,12 +74,12 @@ def scene_of(motion: Motion, model: nouns.Model | None, title: str, units: tuple
             half = np.linalg.norm(ball.frames[:, :3], axis=1)
             tracks += [ball.frames[:, 3] - half, ball.frames[:, 3] + half]
     # The direction of the constant forces on all particles together, where that is numbers alone
-    view = scene.view(tracks, None if model is None else quadratic_algebra.weight(model))
+    view = scene.view(tracks, None if model is None else quadratic.weight(model))
     size, notes = scene.size(tracks), motion.notes
     masses = np.ones(len(motion.names))
     if model is not None:
         masses = np.concatenate([np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)])
-        curves = CurvePictures(model, motion.t, motion.particles, view, found).all()
+        curves = row_pictures.curves(model, motion.t, motion.particles, view, found)
         surfaces += row_pictures.surfaces(found, motion.particles, hard, view) + curves
         notes = (*notes, *unseen(model, found.shown))
     if points.unenforced:

@@ -19,8 +19,7 @@ from lagcli.equations import rigid
 from lagcli.linear import rank
 from lagcli.model import model as nouns
 from lagcli.output.animation import scene
-from lagcli.output.animation.quadratic_algebra import PicturedRow
-from lagcli.output.animation.quadratic_form import SquareDistance
+from lagcli.output.animation.quadratic import PicturedRow, SquareDistance
 from lagcli.output.animation.scene import Link
 
 Floats = npt.NDArray[np.float64]
@@ -174,7 +173,7 @@ def bars(rows: Iterable[PicturedRow], points: PointTable) -> Iterator[tuple[Link
     found: dict[tuple[tuple[int, float], ...], dict[int, tuple[Floats, str]]] = {}
     for row in rows:
         form = row.form
-        if row.kind != "holonomic" or not form.is_polynomial or form.quadratic:
+        if row.one_sided or not form.is_polynomial or form.quadratic:
             continue
         axes = {i % 3 for i in form.linear}
         if len(axes) != 1 or len(form.linear) not in (2, 3) or any(map(np.ptp, form.linear.values())):

@@ -7,7 +7,7 @@ import collections
 import dataclasses
 import functools
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Literal
 
 import numpy as np
@@ -15,11 +15,10 @@ import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.model import model as nouns
-from lagcli.output.animation import links, nets, quadratic_algebra, quadratic_form
+from lagcli.output.animation import links, nets, quadratic
 from lagcli.output.animation.links import PointTable
 from lagcli.output.animation.nets import Function
-from lagcli.output.animation.quadratic_algebra import PicturedRow
-from lagcli.output.animation.quadratic_form import Coefficient, Quadratic, SquareDistance
+from lagcli.output.animation.quadratic import Coefficient, PicturedRow, Quadratic, SquareDistance
 from lagcli.output.animation.scene import OFF, STANDING, DrawnSurface, Link, Viewpoint, steady
 
 Floats = npt.NDArray[np.float64]
@@ -66,19 +65,19 @@ def pictures(
 ) -> RowPictures:
     """The pictures of the rows of a model whose particles are at (T, N, 3) at t (T,)."""
     found, linear = RowPictures(), list[PicturedRow]()
-    rows = list(quadratic_algebra.rows(model, t))
-    equations = [alone(row.form) for row in rows if row.kind == "holonomic"]
+    rows = list(quadratic.rows(model, t))
+    equations = [alone(row.form) for row in rows if not row.one_sided]
     counts = collections.Counter(k for k in equations if k is not None)
     for row in rows:
         if not row.form.known:
-            strings = links.of_sum(row.name, quadratic_algebra.summed(model, t, row), points)
+            strings = links.of_sum(row.name, quadratic.summed(model, t, row), points)
             found.links += strings
             if strings:
                 found.shown.add(row.name)
             else:
                 found.others.append(row)
             continue
-        distance = quadratic_form.distance(row.form, row.kind == "inequality")
+        distance = quadratic.distance(row.form, row.one_sided)
         particle = alone(row.form)
         is_led = particle is not None and counts[particle] > 1
         link = links.of_row(row, distance, points, is_led) if distance is not None else None
@@ -94,7 +93,7 @@ def pictures(
             elif ball is not None:
                 found.rounds.append((particle, ball))
             simple, moves = flat is not None or ball is not None, not row.form.is_at_rest
-            single = SingleParticleRow(row.name, row.kind == "inequality", simple, moves, row.form.values)
+            single = SingleParticleRow(row.name, row.one_sided, simple, moves, row.form.values)
             found.single.setdefault(particle, []).append(single)
         elif distance is not None and distance.at_least and len(distance.weights) == 2:
             found.pairs.append(distance)
@@ -108,17 +107,17 @@ def pictures(
         found.links.append(bar)
         found.shown |= names
     found.links += links.of_bodies(model, particles)
-    for spring in quadratic_algebra.springs(model, t):
-        ends = points.ends(spring.distance)
+    for name, spring in quadratic.springs(model, t):
+        ends = points.ends(spring)
         if ends is not None and ends[0] != ends[1]:
-            found.links.append(Link("spring", spring.name, ends))
+            found.links.append(Link("spring", name, ends))
     return found
 
 
 def _line_contact(row: PicturedRow, particles: Floats, size: float) -> tuple[int, int, float] | None:
     """Two particles on one line along an axis that keep a distance: a.x - b.x >= D."""
     form = row.form
-    if row.kind != "inequality" or not form.is_polynomial or form.quadratic or len(form.linear) != 2:
+    if not row.one_sided or not form.is_polynomial or form.quadratic or len(form.linear) != 2:
         return None
     (i, a), (j, b) = form.linear.items()
     if not form.is_at_rest or i % 3 != j % 3:
@@ -189,114 +188,91 @@ def _circle(ball: DrawnSurface, one: RowPlane) -> DrawnSurface | None:
     return DrawnSurface("circle", ball.name, ball.one_sided, frames)
 
 
-@dataclasses.dataclass(slots=True, eq=False)
-class CurvePictures:
-    """The drawings of rows that are not simple. t (T,), particles (T, N, 3)."""
+def curves(
+    model: nouns.Model, t: Floats, particles: Floats, view: Viewpoint, found: RowPictures
+) -> list[DrawnSurface]:
+    """The curves that two rows leave a particle, nets, and the lines of walls in the plane of a motion: rows that are
+    not simple. t (T,), particles (T, N, 3)."""
+    drawn: list[DrawnSurface] = []
+    size = 2 * view.size
 
-    model: nouns.Model
-    t: Floats
-    particles: Floats
-    view: Viewpoint
-    found: RowPictures
-    drawn: list[DrawnSurface] = dataclasses.field(default_factory=list)
+    def face(points: Floats) -> Floats:
+        """The height over the plane of the picture."""
+        return np.asarray((points - view.centre) @ view.towards)
 
-    def all(self) -> list[DrawnSurface]:
-        """The curves that two rows leave a particle, nets, and the lines of walls in the plane of a motion."""
-        if self.particles.shape[1] <= MOST_TRIED:
-            for number in range(self.particles.shape[1]):
-                self._of_particle(number, self.particles[:, number])
-        return self.drawn
-
-    def _of_particle(self, number: int, track: Floats) -> None:
-        view, flat = self.view, self.view.flat
-
-        def face(points: Floats) -> Floats:
-            """The height over the plane of the picture."""
-            return np.asarray((points - view.centre) @ view.towards)
-
-        def is_level(one: SingleParticleRow) -> bool:
-            """True for an equation that only says in which plane the motion is."""
-            if not flat or one.one_sided or not one.simple:
-                return False
-            slope = nets.gradient(
-                one.function, track[:, None] if one.moves else track[:1, None], 2 * view.size
-            )
-            across = np.linalg.norm(np.cross(slope, view.towards), axis=-1)
-            return bool(np.all(across <= doubles.ROOT * np.linalg.norm(slope, axis=-1)))
-
-        own = [*self.found.single.get(number, []), *self._others(number, track)]
-        level = [one for one in own if is_level(one)]
-        own = [one for one in own if one not in level]
-        equal = [one for one in own if not one.one_sided]
-        led = equal
-        if len(equal) + len(level) > 2:
-            # Its position is given at every instant: it is led along what does not move, and where all rows are simple
-            # the position is all that there is to be seen of them.
-            led = [one for one in equal if not one.moves]
-            if all(one.simple for one in equal):
-                self.found.shown |= {one.name for one in equal}
-        if len(led) == 2 and not level:
-            # Not a curve that is drawn as a circle: on a sphere and a plane
-            is_round = any(k == number and ball.kind == "sphere" for k, ball in self.found.rounds)
-            if not is_round and self._line(led, track):
-                self.found.curved.add(number)
-        elif flat and len(led) == 1 and not led[0].simple:
-            self._line(led, track, face)
-        for one in own:
-            if one.simple:
+    for number in range(particles.shape[1] if particles.shape[1] <= MOST_TRIED else 0):
+        track = particles[:, number]
+        own = [*found.single.get(number, []), *_others(model, t, number, track, found)]
+        for kind, rows in _cut_out(own, number, track, view, found):
+            first, moves = rows[0], any(one.moves for one in rows)
+            if moves and sum(len(one.corners) > 1 for one in drawn) >= MOST_MOVING:
                 continue
-            if not flat and (one.one_sided or len(equal) == 1):
-                self._net(one, track)
-            elif one.one_sided:
-                self._line([one], track if one.moves else nets.touched(one.function, track), face)
+            with np.errstate(all="ignore"):
+                if kind == "net":
+                    shapes = nets.over_track(first.function, track, size, moves)
+                else:
+                    functions = [one.function for one in rows]
+                    if len(rows) == 1:
+                        functions.append(face)
+                    starts = track if moves else track[:1]
+                    if first.one_sided and not moves:
+                        starts = nets.touched(first.function, track)
+                    points = nets.followed(functions, starts, size, view.centre)
+                    shapes = [points] if points.shape[1] else []
+            drawn += [DrawnSurface(kind, first.name, first.one_sided, STANDING, shape) for shape in shapes]
+            if shapes:
+                found.shown |= {one.name for one in rows}
+            if shapes and len(rows) == 2:
+                found.curved.add(number)
+    return drawn
 
-    def _others(self, number: int, track: Floats) -> Iterator[SingleParticleRow]:
-        """The rows not of the second degree that name this particle alone."""
-        for row in self.found.others[:MOST_TRIED]:
-            for t, points in ((None, track[:1, None]), (self.t, track[:, None])):
-                function = functools.partial(quadratic_algebra.value_at, self.model, row, t, number)
-                values = function(points)
-                if values is not None:
-                    if np.isfinite(values).all():
-                        one_sided = row.kind == "inequality"
-                        yield SingleParticleRow(row.name, one_sided, False, t is not None, _numbers(function))
-                    break
 
-    def _line(
-        self, rows: Sequence[SingleParticleRow], track: Floats, more: nets.Function | None = None
-    ) -> bool:
-        """Draw the curve of rows, with which another function cuts it out; False where there is none."""
-        functions = [one.function for one in rows] + ([more] if more is not None else [])
-        moves = any(one.moves for one in rows)
-        if moves and self._moving() >= MOST_MOVING:
+def _cut_out(
+    own: list[SingleParticleRow], number: int, track: Floats, view: Viewpoint, found: RowPictures
+) -> Iterator[tuple[Literal["line", "net"], list[SingleParticleRow]]]:
+    """The rows of a particle that are drawn together: as a curve on two of them, or on one of them and the plane of the
+    picture, or as a net."""
+
+    def is_level(one: SingleParticleRow) -> bool:
+        """True for an equation that only says in which plane the motion is."""
+        if not view.flat or one.one_sided or not one.simple:
             return False
-        with np.errstate(all="ignore"):
-            starts = track if moves else track[:1]
-            points = nets.followed(functions, starts, 2 * self.view.size, self.view.centre)
-        if points.shape[1]:
-            self.drawn.append(DrawnSurface("line", rows[0].name, rows[0].one_sided, STANDING, points))
-            self.found.shown |= {one.name for one in rows}
-        return bool(points.shape[1])
+        slope = nets.gradient(one.function, track[:, None] if one.moves else track[:1, None], 2 * view.size)
+        across = np.linalg.norm(np.cross(slope, view.towards), axis=-1)
+        return bool(np.all(across <= doubles.ROOT * np.linalg.norm(slope, axis=-1)))
 
-    def _net(self, row: SingleParticleRow, track: Floats) -> None:
-        if row.moves and self._moving() >= MOST_MOVING:
-            return
-        with np.errstate(all="ignore"):
-            found = nets.over_track(row.function, track, 2 * self.view.size, row.moves)
-        for nodes in found:
-            self.drawn.append(DrawnSurface("net", row.name, row.one_sided, STANDING, nodes))
-            self.found.shown.add(row.name)
+    level = [one for one in own if is_level(one)]
+    own = [one for one in own if one not in level]
+    led = equal = [one for one in own if not one.one_sided]
+    if len(equal) + len(level) > 2:
+        # Its position is given at every instant: it is led along what does not move, and where all rows are simple
+        # the position is all that there is to be seen of them.
+        led = [one for one in equal if not one.moves]
+        if all(one.simple for one in equal):
+            found.shown |= {one.name for one in equal}
+    if len(led) == 2 and not level:
+        # Not a curve that is drawn as a circle: on a sphere and a plane
+        if not any(k == number and ball.kind == "sphere" for k, ball in found.rounds):
+            yield "line", led
+    elif view.flat and len(led) == 1 and not led[0].simple:
+        yield "line", led
+    for one in own:
+        if not one.simple and not view.flat and (one.one_sided or len(equal) == 1):
+            yield "net", [one]
+        elif not one.simple and one.one_sided:
+            yield "line", [one]
 
-    def _moving(self) -> int:
-        return sum(len(one.corners) > 1 for one in self.drawn)
 
-
-def _numbers(function: Callable[[Floats], Floats | None]) -> nets.Function:
-    def values(points: Floats) -> Floats:
-        found = function(points)
-        return np.full(points.shape[:-1], np.nan) if found is None else found
-
-    return values
+def _others(
+    model: nouns.Model, t: Floats, number: int, track: Floats, found: RowPictures
+) -> Iterator[SingleParticleRow]:
+    """The rows not of the second degree that name this particle alone."""
+    for row in found.others[:MOST_TRIED]:
+        for instants, points in ((None, track[:1, None]), (t, track[:, None])):
+            function = functools.partial(quadratic.value_at, model, row, instants, number)
+            if np.isfinite(function(points)).all():
+                yield SingleParticleRow(row.name, row.one_sided, False, instants is not None, function)
+                break
 
 
 @dataclasses.dataclass(slots=True, eq=False)
@@ -313,15 +289,15 @@ class RowPlane:
 
     def is_the_same_as(self, other: RowPlane, size: float) -> bool:
         """True where both are one plane, with the same side allowed."""
-        if self.one_sided != other.one_sided or self.normal.shape != other.normal.shape:
+        if self.one_sided != other.one_sided:
             return False
-        if self.offset.shape != other.offset.shape:
+        if (self.normal.shape, self.offset.shape) != (other.normal.shape, other.offset.shape):
             return False
-        for sign in (1.0,) if self.one_sided else (1.0, -1.0):
-            near = np.abs(self.normal - sign * other.normal).max() <= doubles.ZERO
-            if near and np.abs(self.offset - sign * other.offset).max() <= doubles.ZERO * size:
-                return True
-        return False
+        return any(
+            np.abs(self.normal - sign * other.normal).max() <= doubles.ZERO
+            and np.abs(self.offset - sign * other.offset).max() <= doubles.ZERO * size
+            for sign in ((1.0,) if self.one_sided else (1.0, -1.0))
+        )
 
 
 def alone(form: Quadratic) -> int | None:
@@ -333,7 +309,7 @@ def alone(form: Quadratic) -> int | None:
 
 def _slope(form: Quadratic, particle: int) -> list[Coefficient]:
     """The linear coefficients of the three components of a particle."""
-    return [form.linear.get(3 * particle + axis, quadratic_form.ZERO) for axis in range(3)]
+    return [form.linear.get(3 * particle + axis, quadratic.ZERO) for axis in range(3)]
 
 
 def plane(row: PicturedRow, particle: int) -> RowPlane | None:
@@ -348,7 +324,7 @@ def plane(row: PicturedRow, particle: int) -> RowPlane | None:
     offset = np.atleast_1d(-form.constant / length)
     return RowPlane(
         row.name,
-        row.kind == "inequality",
+        row.one_sided,
         steady(normal / length[:, None]),
         steady(offset),
         {particle},
@@ -358,12 +334,10 @@ def plane(row: PicturedRow, particle: int) -> RowPlane | None:
 
 def quadric(row: PicturedRow, particle: int, track: Floats, size: float) -> DrawnSurface | None:
     """The sphere, ellipsoid or cylinder of a row of the second degree; track (k, 3) of the particle."""
-    pair = quadratic_form.squared(row.form, row.kind == "inequality")
-    if pair is None or not pair[0].quadratic:
+    pair = quadratic.squared(row.form, row.one_sided)
+    if pair is None:
         return None
     form = pair[0]
-    if any(np.ptp(value) for value in form.quadratic.values()):
-        return None
     A = np.zeros((3, 3))
     for (i, j), value in form.quadratic.items():
         A[i % 3, j % 3] += float(np.ravel(value)[0]) / 2
@@ -395,7 +369,7 @@ def quadric(row: PicturedRow, particle: int, track: Floats, size: float) -> Draw
     frames = [half[:, i, None] * vectors[:, i] for i in order]
     frame = np.stack([*frames, middle @ vectors.T], axis=1)
     kind: Literal["sphere", "cylinder"] = "sphere" if bent.all() else "cylinder"
-    return DrawnSurface(kind, row.name, row.kind == "inequality", steady(frame))
+    return DrawnSurface(kind, row.name, row.one_sided, steady(frame))
 
 
 def merged(planes: Sequence[RowPlane], size: float) -> list[RowPlane]:

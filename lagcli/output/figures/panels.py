@@ -1,8 +1,7 @@
 """The contents of a figure of a run: multipliers lambda_i(t) and constraint forces R_k(t), as panels of curves.
 
-R_k = sum_i lambda_i B_ik (D.13-D.22), so a multiplier has the unit of force times length over the unit of its
-f_i. That unit is not declared anywhere, and equations of one model may differ in it: multipliers share one
-panel only while their values are of like size.
+R_k = sum_i lambda_i B_ik (D.13-D.22), so a multiplier has the unit of force times length over that of its f_i, which
+differs from row to row: multipliers share one panel only while their values are of like size.
 """
 
 import dataclasses
@@ -17,6 +16,8 @@ from lagcli.model.model import Units
 from lagcli.output.figures import chart
 from lagcli.output.figures.chart import LARGEST, ChartCurve, ChartPanel, LegendKey
 from lagcli.output.figures.labels import force_unit, multiplier_unit, with_unit
+
+Floats = NDArray[np.float64]
 
 _OVERLAID = 6  # curves in one panel whose colors are told apart
 # Curves with ranges that differ by more have panels of their own.
@@ -65,15 +66,15 @@ class _Table:
     """The rows of a run, with what all its panels share: the name and the ends of the axis of time."""
 
     indices: dict[str, int]
-    rows: NDArray[np.float64]
+    rows: Floats
     units: Units
     facts: PanelFacts
     is_large: bool
 
-    def column(self, name: str) -> NDArray[np.float64]:
+    def column(self, name: str) -> Floats:
         return self.rows[:, self.indices[name]]
 
-    def curve(self, label: str, values: NDArray[np.float64], of: int, look: int = 0) -> ChartCurve:
+    def curve(self, label: str, values: Floats, of: int, look: int = 0) -> ChartCurve:
         """The curve, decimated for a figure that shows ``of`` of them."""
         chosen = chart.extrema(values, min(4000, max(200, _NUMBERS // of)))
         return ChartCurve(label, self.column("t")[chosen], values[chosen], look, look)
@@ -82,30 +83,35 @@ class _Table:
         self, label: str, curves: Sequence[ChartCurve], *, title: str = "", is_family: bool = False
     ) -> ChartPanel:
         t = self.column("t")
-        keys = tuple(LegendKey(c.label, c.colour, c.dash) for c in curves) if len(curves) > 1 else ()
+        has_keys = len(curves) > 1 and not is_family
         return ChartPanel(
             "time",
             with_unit("t", self.units.time.strip()),
             chart.fitted(label) if self.is_large else label,
             tuple(curves),
-            () if is_family else keys,
+            tuple(LegendKey(c.label, c.colour, c.dash) for c in curves) if has_keys else (),
             is_family=is_family,
             limits=(float(t[0]), float(t[-1])) if len(t) else (0.0, 1.0),
             title=title,
         )
 
-    @property
-    def throughout(self) -> str:
-        """What is said of columns without any value but zero."""
-        return "zero to rounding" if self.facts.zeros else "zero throughout"
+    def acting(self, forces: dict[str, Floats]) -> tuple[list[str], str]:
+        """The names whose force is not zero throughout (but for round-off), and a note on the others."""
+        sizes = {name: size(force) for name, force in forces.items()}
+        floor = doubles.VALUE * max(sizes.values())
+        shown = [name for name, size in sizes.items() if size > floor]
+        return shown, self.idle([name for name, size in sizes.items() if size <= floor], bool(shown))
+
+    def idle(self, names: list[str], is_listed: bool = True) -> str:
+        """The note on columns without any value but zero, which may name them; none where there are no such."""
+        throughout = "zero to rounding" if self.facts.zeros else "zero throughout"
+        if not names or not is_listed:
+            return throughout if names else ""
+        listed = ", ".join(names) if len(names) <= _FORCE_PANELS else f"{len(names)} others"
+        return f"{throughout}: {listed}"
 
 
-def bands(
-    columns: Sequence[str],
-    rows: NDArray[np.float64],
-    units: Units,
-    facts: PanelFacts = NOTHING,
-) -> list[Band]:
+def bands(columns: Sequence[str], rows: Floats, units: Units, facts: PanelFacts = NOTHING) -> list[Band]:
     """The bands of the figure of a run, from top to bottom.
 
     ``rows`` has shape (T, len(columns)). Every ``lambda.NAME`` is shown, zero or not; of the particles
@@ -125,7 +131,7 @@ def bands(
     particles = [name.removesuffix(".x") for name in forces if name.endswith(".x")]
     # Names hold no dot, so "R.theta" is a coordinate and "R.a.x" belongs to a particle.
     coordinates = [name for name in forces if "." not in name]
-    multipliers = [name for name in columns if name.startswith("lambda.")]
+    multipliers = [name.removeprefix("lambda.") for name in columns if name.startswith("lambda.")]
     found = []
     if multipliers or not facts.is_choice:
         found.append(_multipliers(table, multipliers))
@@ -140,26 +146,24 @@ def _multipliers(table: _Table, names: list[str]) -> Band:
     heading = "Multipliers λᵢ of the constraints"
     if not names:
         return Band(heading, (), "no constraints")
-    units_of = [multiplier_unit(name, table.units, table.facts.dimensions) for name in names]
+    columns = [table.column(f"lambda.{name}") for name in names]
+    units_of = [multiplier_unit(f"lambda.{name}", table.units, table.facts.dimensions) for name in names]
     is_one = len(set(units_of)) == 1
     label = with_unit("λᵢ", units_of[0] if is_one else "")
-    indeterminate = table.facts.indeterminate
+    open_ones = table.facts.indeterminate
     # A name in brackets is no name of a constraint: the mark cannot be taken for one.
-    marks = {f"lambda.{name}": _MARK for name in indeterminate}
     curves = [
-        table.curve(name.removeprefix("lambda.") + marks.get(name, ""), table.column(name), len(names), look)
-        for look, name in enumerate(names)
+        table.curve(name + _MARK * (name in open_ones), values, len(names), look)
+        for look, (name, values) in enumerate(zip(names, columns, strict=True))
     ]
-    idle = [name.removeprefix("lambda.") for name in names if not size(table.column(name))]
-    notes = [_NOT_UNIQUE] if indeterminate else []
-    note = "; ".join(notes + ([f"{table.throughout}: {_listed(idle)}"] if idle else []))
+    idle = [name for name, values in zip(names, columns, strict=True) if not size(values)]
+    note = "; ".join(filter(None, (_NOT_UNIQUE if open_ones else "", table.idle(idle))))
     if len(curves) > _MULTIPLIER_PANELS:
         mixed = label if is_one else with_unit("λᵢ", "units differ")
         return Band(heading, (table.panel(mixed, curves, is_family=True),), note)
-    if 1 < len(curves) <= _OVERLAID and is_one:
-        largest = [size(curve.y) for curve in curves]
-        if are_of_like_size([value for value in largest if value > 0]):
-            return Band(heading, (table.panel(label, curves),), note)
+    largest = [value for curve in curves if (value := size(curve.y)) > 0]
+    if 1 < len(curves) <= _OVERLAID and is_one and are_of_like_size(largest):
+        return Band(heading, (table.panel(label, curves),), note)
     panels = tuple(
         table.panel(
             label,
@@ -177,19 +181,18 @@ def _particle_forces(table: _Table, particles: list[str]) -> Band:
         name: np.stack([table.column(f"R.{name}.{axis}") for axis in "xyz"], axis=1) for name in particles
     }
     lengths = {name: chart.sizes(force) for name, force in forces.items()}
-    shown, note = _acting(table, lengths)
+    shown, note = table.acting(lengths)
     unit = force_unit(table.units)
     if len(shown) > _FORCE_PANELS:
         curves = [table.curve(name, lengths[name], len(shown)) for name in shown]
         return Band(heading, (table.panel(with_unit("|Rₖ|", unit), curves, is_family=True),), note)
     label, count = with_unit("Rₖ", unit), 3 * len(shown)
-    components = {
-        name: [table.curve(f"{axis} component", forces[name][:, k], count, k) for k, axis in enumerate("xyz")]
-        for name in shown
-    }
-    return Band(
-        heading, tuple(table.panel(label, curves, title=name) for name, curves in components.items()), note
-    )
+    panels = []
+    for name in shown:
+        components = zip("xyz", forces[name].T, strict=True)
+        curves = [table.curve(f"{a} component", f, count, k) for k, (a, f) in enumerate(components)]
+        panels.append(table.panel(label, curves, title=name))
+    return Band(heading, tuple(panels), note)
 
 
 def _coordinate_forces(table: _Table, coordinates: list[str]) -> Band:
@@ -198,26 +201,11 @@ def _coordinate_forces(table: _Table, coordinates: list[str]) -> Band:
     are_angles = {dimension_facts.base(name) for name in coordinates} <= table.facts.dimensions.angles
     label = with_unit("Qʹⱼ", unit if are_angles else f"{unit or '1'} / unit of qⱼ")
     forces = {name: table.column(f"R.{name}") for name in coordinates}
-    shown, note = _acting(table, forces)
+    shown, note = table.acting(forces)
     curves = [table.curve(name, forces[name], len(shown)) for name in shown]
     if len(curves) > _FORCE_PANELS:
         return Band(heading, (table.panel(label, curves, is_family=True),), note)
     return Band(heading, tuple(table.panel(label, [curve], title=curve.label) for curve in curves), note)
-
-
-def _acting(table: _Table, forces: dict[str, NDArray[np.float64]]) -> tuple[list[str], str]:
-    """The names whose force is not zero throughout (but for round-off), and a note on the others."""
-    sizes = {name: size(force) for name, force in forces.items()}
-    floor = doubles.VALUE * max(sizes.values())
-    shown = [name for name, size in sizes.items() if size > floor]
-    idle = [name for name, size in sizes.items() if size <= floor]
-    if not idle:
-        return shown, ""
-    return shown, f"{table.throughout}: {_listed(idle)}" if shown else table.throughout
-
-
-def _listed(idle: list[str]) -> str:
-    return ", ".join(idle) if len(idle) <= _FORCE_PANELS else f"{len(idle)} others"
 
 
 def are_of_like_size(sizes: Sequence[float]) -> bool:
@@ -225,6 +213,6 @@ def are_of_like_size(sizes: Sequence[float]) -> bool:
     return not sizes or max(sizes) <= _LIKE_SIZE * min(sizes)
 
 
-def size(values: NDArray[np.float64]) -> float:
+def size(values: Floats) -> float:
     """The largest size of values, of which some may be nan; 0 of none."""
     return float(np.nanmax(np.abs(values), initial=0.0))
