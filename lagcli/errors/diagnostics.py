@@ -9,7 +9,7 @@ import functools
 import itertools
 import pathlib
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Literal
 
 from lagcli.frozen import frozen_value
@@ -194,6 +194,12 @@ def listed(names: Iterable[str]) -> str:
     first = list(itertools.islice(names, MAX_LISTED + 1))
     shown = [f"`{name}`" for name in first[:MAX_LISTED]]
     return ", ".join(shown + ["..."] * (len(first) > MAX_LISTED))
+
+
+def first_of(names: Sequence[str], rest: str = "others", most: int = 6) -> str:
+    """The first names with commas between, and how many others there are."""
+    more = f" and {len(names) - most} {rest}" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from lagcli.analysis.holonomy import witness
 from lagcli.output.figures import figure_page, labels
+from lagcli.output.figures.figure_page import BLUE, GREY, INK, RED
 
 WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
 NEAR = 0.07  # of the width of a plot: numbers closer than this would overlap
-_BLUE, _RED, _GREY = "#0072B2", "#D55E00", "#888888"
 
 
 def compose(found: witness.Witness) -> figure.Figure:
@@ -34,9 +34,9 @@ def compose(found: witness.Witness) -> figure.Figure:
             moves = np.linspace(0, len(path.corners) - 1, len(values))
             for edge in range(len(path.corners)):
                 right.axvline(edge, color="#dddddd", linewidth=0.6, zorder=0)
-            right.plot(moves, values, color=_RED, linewidth=1.4)
+            right.plot(moves, values, color=RED, linewidth=1.4)
             _gap(right, moves[-1], values[0], values[-1], found.amount)
-            right.axhline(values[0], color=_GREY, linewidth=0.6, linestyle=(0, (3, 3)))
+            right.axhline(values[0], color=GREY, linewidth=0.6, linestyle=(0, (3, 3)))
             right.set_xticks(
                 np.arange(len(path.corners) - 1) + 0.5, [f"{k + 1}" for k in range(len(path.corners) - 1)]
             )
@@ -61,7 +61,7 @@ def _loop(plot: axes.Axes, found: witness.Witness) -> None:
     i, j, *_ = [*_widest(found), found.names.index("t")]
     path = found.paths[0]
     x, y = path.points[:, i], path.points[:, j]
-    plot.plot(x, y, color=_BLUE, linewidth=1.4)
+    plot.plot(x, y, color=BLUE, linewidth=1.4)
     extent = np.array([np.ptp(x), np.ptp(y)])
     extent[extent == 0] = 1.0
     seen: list[NDArray[np.float64]] = []
@@ -73,14 +73,14 @@ def _loop(plot: axes.Axes, found: witness.Witness) -> None:
             [i, j]
         ]
         plot.annotate("", xy=middle + 0.02 * (b - a), xytext=middle - 0.02 * (b - a),
-                      arrowprops={"arrowstyle": "-|>", "color": _BLUE})  # fmt: skip
+                      arrowprops={"arrowstyle": "-|>", "color": BLUE})  # fmt: skip
         # Moves along the same line are numbered beside each other.
         beside = sum(np.abs((middle - other) / extent).max() < NEAR for other in seen)
         seen.append(middle)
         plot.annotate(
             f"{number}", xy=middle, xytext=(5 + 10 * beside, 4), textcoords="offset points", fontsize=8
         )
-    plot.plot(*path.corners[0][[i, j]], "o", color="#222222", markersize=4)
+    plot.plot(*path.corners[0][[i, j]], "o", color=INK, markersize=4)
     plot.set_xlabel(labels.shortened(found.names[i], labels.NAME), fontsize=9)
     plot.set_ylabel(labels.shortened(found.names[j], labels.NAME), fontsize=9)
 
@@ -88,7 +88,7 @@ def _loop(plot: axes.Axes, found: witness.Witness) -> None:
 def _times(plot: axes.Axes, found: witness.Witness, index: int) -> None:
     """One coordinate over time on both paths."""
     ends: list[NDArray[np.float64]] = []
-    for path, colour, style in zip(found.paths, (_RED, _BLUE), ("-", (0, (5, 2))), strict=True):
+    for path, colour, style in zip(found.paths, (RED, BLUE), ("-", (0, (5, 2))), strict=True):
         plot.plot(path.points[:, -1], path.points[:, index], color=colour, linestyle=style, linewidth=1.4)
         ends.append(path.points[-1])
     if found.names[index] == found.coordinate:
@@ -98,7 +98,7 @@ def _times(plot: axes.Axes, found: witness.Witness, index: int) -> None:
 
 
 def _gap(plot: axes.Axes, x: float, low: float, high: float, amount: float) -> None:
-    plot.annotate("", xy=(x, high), xytext=(x, low), arrowprops={"arrowstyle": "<->", "color": "#222222"})
+    plot.annotate("", xy=(x, high), xytext=(x, low), arrowprops={"arrowstyle": "<->", "color": INK})
     text = f"{amount:.6g}".replace("-", "−")
     plot.annotate(
         text,

@@ -37,8 +37,6 @@ Floats = npt.NDArray[np.float64]
 
 # Rows of a table, and letters of a cell: a page with more is not read.
 MOST_ROWS, MOST_CELL = 60, 300
-# Targets of a force that are named.
-MOST_NAMED = 6
 # Lines and letters of a line that a page shows: more is a file to be looked into, and its hash names it.
 MOST_LINES, MOST_IN_LINE = 400, 2000
 # Letters of a text whose pieces are looked for: a page of more shows it plain.
@@ -168,8 +166,7 @@ def _named(names: Sequence[str], indices: Iterable[int]) -> str:
     found = [names[int(i)] for i in indices]
     if len(found) == len(names) > 1:
         return "all"
-    more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
-    return ", ".join(found[:MOST_NAMED]) + more
+    return diagnostics.first_of(found, "more")
 
 
 def _vector(expression: VectorExpression) -> str:

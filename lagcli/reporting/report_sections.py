@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import collections
 import dataclasses
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 from lagcli.analysis import check_report
 from lagcli.analysis.check_report import Report
@@ -28,8 +28,8 @@ from lagcli.reporting.model_on_page import (
 from lagcli.running.run_account import Stats
 from lagcli.running.trajectory import Trajectory
 
-# Rows of a table of incidents or of constraints, and names of what fails: the files of `simulate` hold them all.
-MOST_ROWS, MOST_FAULTS = 60, 6
+# Rows of a table of incidents or of constraints: the files of `simulate` hold them all.
+MOST_ROWS = 60
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -65,7 +65,9 @@ def contents(parts: ReportParts) -> ReportContents:
         )
     undecided = [one.name for one in parts.checked.constraints if one.verdict.kind == "undecided"]
     if undecided:
-        open_questions.append(f"Undecided: whether {_some(undecided)} can be integrated.")
+        open_questions.append(
+            f"Undecided: whether {diagnostics.first_of(undecided, 'more')} can be integrated."
+        )
     if audit.passed and any(check.verdict in ("not judged", "partly judged") for check in audit.checks):
         open_questions.append(f"Audit: {audit.conclusion}")
     equations: Block = (
@@ -172,9 +174,10 @@ def _account(stats: Stats) -> Iterator[tuple[str, str]]:
     off = stats.energy_imbalance
     yield "energy balance", "not known" if off is None else f"{off:.1e} of the energy exchanged"
     if stats.indeterminate:
-        yield "multipliers not unique", _some(stats.indeterminate)
+        yield "multipliers not unique", diagnostics.first_of(stats.indeterminate, "more")
     if stats.singular_times:
-        yield "singular configurations passed", _some([f"t = {t:.9g}" for t in stats.singular_times])
+        times = [f"t = {t:.9g}" for t in stats.singular_times]
+        yield "singular configurations passed", diagnostics.first_of(times, "more")
     if stats.largest_penetration > 0:
         yield "largest penetration", f"{stats.largest_penetration:.1e}"
     if stats.ended_by is not None:
@@ -227,12 +230,6 @@ def _provenance(stats: Stats, model: Model) -> Iterator[Block]:
     yield PageSentences(
         ("Equal files, settings and versions give this page again; it holds no date for that reason.",)
     )
-
-
-def _some(names: Iterable[str]) -> str:
-    found = list(names)
-    more = f" and {len(found) - MOST_FAULTS} more" if len(found) > MOST_FAULTS else ""
-    return ", ".join(found[:MOST_FAULTS]) + more
 
 
 def _sentence(text: str) -> str:

@@ -52,13 +52,11 @@ class Motion:
 def scene_of(motion: Motion, model: nouns.Model | None, title: str, units: tuple[str, str]) -> Scene:
     """The scene of a motion; without a model there are neither rods nor surfaces, and all particles are alike. units:
     labels of time and force. Raises `NothingToShow` for lengths or times that no page holds."""
-    far = float(np.abs(motion.particles).max(initial=0.0))
+    far, (first, last) = float(np.abs(motion.particles).max(initial=0.0)), motion.t[[0, -1]].tolist()
     if not far * far < np.finfo(np.float64).max / motion.particles.size:
         raise NothingToShow(f"positions of up to {far:.3g} are too large to be drawn")
-    if not float(motion.t[-1]) - float(motion.t[0]) <= float(np.finfo(np.float32).max):
-        raise NothingToShow(
-            f"times from {motion.t[0]:.3g} to {motion.t[-1]:.3g} are too far apart to be shown"
-        )
+    if not last - first <= float(np.finfo(np.float32).max):
+        raise NothingToShow(f"times from {first:.3g} to {last:.3g} are too far apart to be shown")
     points = PointTable(motion.particles, motion.is_run)
     found, surfaces = RowPictures(), list(motion.guide_lines)
     if model is not None:
@@ -83,10 +81,8 @@ def scene_of(motion: Motion, model: nouns.Model | None, title: str, units: tuple
         surfaces += row_pictures.surfaces(found, motion.particles, hard, view) + curves
         notes = (*notes, *unseen(model, found.shown))
     if points.unenforced:
-        notes = (
-            *notes,
-            f"{points.unenforced} rods or strings are not drawn: their lengths are not those of the rows",
-        )
+        off = f"{points.unenforced} rods or strings are not drawn: their lengths are not those of the rows"
+        notes = (*notes, off)
     return Scene(
         title=title,
         t=motion.t,
@@ -110,8 +106,7 @@ def unseen(model: nouns.Model, shown: set[str]) -> Iterator[str]:
     laws: tuple[nouns.Law, ...] = (*model.holonomic, *model.inequality, *model.differential)
     hidden = [name for law in laws for name in law.rows if name not in shown]
     if hidden:
-        more = f" and {len(hidden) - MOST_NAMED} others" if len(hidden) > MOST_NAMED else ""
-        yield f"kept, and not drawn: {', '.join(hidden[:MOST_NAMED])}{more}"
+        yield f"kept, and not drawn: {diagnostics.first_of(hidden, most=MOST_NAMED)}"
 
 
 def _radii(masses: Floats, rods: list[Link], hard: Floats, size: float) -> Floats:
@@ -135,9 +130,8 @@ def _tracks(forces: Floats | None) -> tuple[Floats, ...]:
 
 def _scale(motion: Motion, size: float) -> float:
     """The length of an arrow of the unit of force, so that almost all are shorter than `ARROW` of the scene."""
-    forces = [
-        chart.sizes(part).max(axis=1) for part in (motion.R, motion.F) if part is not None and part.size
-    ]
+    both = [part for part in (motion.R, motion.F) if part is not None and part.size]
+    forces = [chart.sizes(part).max(axis=1) for part in both]
     if not forces:
         return 0.0
     largest = float(np.quantile(np.max(forces, axis=0), USUAL))
@@ -173,12 +167,8 @@ class PointTracks:
 
 def particles_in(columns: Sequence[str]) -> tuple[str, ...]:
     """The names whose columns .x, .y, .z and .vx are in a table, in its order: particles, and not vector outputs."""
-    known = set(columns)
-    return tuple(
-        name[:-2]
-        for name in columns
-        if name.endswith(".x") and all(f"{name[:-2]}.{part}" in known for part in ("y", "z", "vx"))
-    )
+    known, stems = set(columns), (name[:-2] for name in columns if name.endswith(".x"))
+    return tuple(stem for stem in stems if {f"{stem}.y", f"{stem}.z", f"{stem}.vx"} <= known)
 
 
 def of_particles(names: Sequence[str], table: Mapping[str, Floats]) -> PointTracks:
@@ -230,7 +220,5 @@ def missing(names: Sequence[str], columns: Sequence[str]) -> str:
     if not lacking:
         return ""
     hint = diagnostics.nearest(lacking[0], list(columns))
-    more = f" and {len(lacking) - 1} others" if len(lacking) > 1 else ""
-    return f"the table has no column `{lacking[0]}`{more}: it is not of this model" + (
-        f"; {hint}" if hint else ""
-    )
+    first = diagnostics.first_of([f"`{name}`" for name in lacking], most=1)
+    return f"the table has no column {first}: it is not of this model" + (f"; {hint}" if hint else "")

@@ -1,8 +1,5 @@
-"""Curves and nets on which functions of one point are zero.
-
-A curve, which two rows keep a particle on, or the line of a wall in a planar motion, is followed step by step, at all T
-instants at once where it moves. A surface that is nothing simpler is a net of heights around what moves on it.
-"""
+"""Curves and nets on which functions of one point are zero: curves are followed step by step, at all T instants at
+once where they move, and a surface that is nothing simpler is a net of heights around what moves on it."""
 
 from __future__ import annotations
 
@@ -19,8 +16,8 @@ Floats = npt.NDArray[np.float64]
 Function = Callable[[Floats], Floats]
 
 STEPS = 1600  # of a curve, each way
-FINE = 240.0  # steps to the size of what is seen
-COARSE = 80.0  # the same of a curve that moves, of which each instant is followed
+FINE = 240  # steps to the size of what is seen
+COARSE = 80  # the same of a curve that moves, of which each instant is followed
 CORNERS = 64  # of a curve that moves, at each instant
 REACH = 0.6  # sizes of the scene from its centre at which a curve is broken off
 NODES = 17  # of the net along both directions
@@ -84,27 +81,23 @@ def followed(functions: Sequence[Function], starts: Floats, size: float, centre:
         if not going.any():
             break
     ways = np.array(path).reshape(-1, count, 2, 3)
-    lines = [_joined(first[k, 0], ways[:, k], bool(closed[k])) for k in range(count)]
-    if not any(map(len, lines)):
-        return np.zeros((count, 0, 3))
-    return lines[0][None] if count == 1 else np.array([_even(one) for one in lines])
-
-
-def _joined(first: Floats, ways: Floats, closed: bool) -> Floats:
-    """The points (k, 3) of a curve from one point both ways (K, 2, 3), which end in nan; none of fewer than three."""
-    ahead, back = (way[np.isfinite(way).all(axis=-1)] for way in (ways[:, 0], ways[:, 1]))
-    middle = first[None]
-    found = np.concatenate([middle, ahead, middle] if closed else [back[::-1], middle, ahead])
-    return found if len(found) > 2 and np.isfinite(first).all() else np.zeros((0, 3))
-
-
-def _even(line: Floats) -> Floats:
-    """`CORNERS` points of a line (k, 3), evenly along it; nan of none."""
-    if not len(line):
-        return np.full((CORNERS, 3), np.nan)
-    along = np.concatenate([[0.0], np.linalg.norm(np.diff(line, axis=0), axis=1).cumsum()])
-    wanted = np.linspace(0.0, along[-1], CORNERS)
-    return np.stack([np.interp(wanted, along, line[:, axis]) for axis in range(3)], axis=-1)
+    # At each instant both ways are joined; a curve of fewer than three points is none.
+    lines = []
+    for k in range(count):
+        middle = first[k]
+        ahead, back = (way[np.isfinite(way).all(axis=-1)] for way in (ways[:, k, 0], ways[:, k, 1]))
+        line = np.concatenate([middle, ahead, middle] if closed[k] else [back[::-1], middle, ahead])
+        lines.append(line if len(line) > 2 and np.isfinite(middle).all() else np.zeros((0, 3)))
+    if count == 1 or not any(map(len, lines)):
+        return lines[0][None] if count == 1 else np.zeros((count, 0, 3))
+    # `CORNERS` points evenly along each
+    found = np.full((count, CORNERS, 3), np.nan)
+    for k, line in enumerate(lines):
+        if len(line):
+            along = np.concatenate([[0.0], np.linalg.norm(np.diff(line, axis=0), axis=1).cumsum()])
+            wanted = np.linspace(0.0, along[-1], CORNERS)
+            found[k] = np.stack([np.interp(wanted, along, line[:, axis]) for axis in range(3)], axis=-1)
+    return found
 
 
 def touched(function: Function, track: Floats) -> Floats:

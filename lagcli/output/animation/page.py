@@ -1,7 +1,7 @@
 """The page of an animation: one HTML file that needs nothing else, with three.js and all numbers in it.
 
-The scene stands in it as JSON and one block of numbers: 32-bit floats in base64, each array named by its offset and its
-length. One instant is a drawing in SVG: for a report, a printer, or a browser that draws nothing else.
+The scene stands in it as JSON and one block of 32-bit floats in base64, each array by its offset and its length. One
+instant is a drawing in SVG: for a report, a printer, or a browser that draws nothing else.
 """
 
 from __future__ import annotations
@@ -180,15 +180,10 @@ class Projection:
         self._right = np.cross(view.up, view.towards)
         self._right = self._right / np.linalg.norm(self._right)
         self._above = np.cross(view.towards, self._right)
-        everything = [track for track in scene.points if len(track)]
         near = 3 * view.size  # a floor may reach far beyond what moves on it
         rims = [outline(one, 0) for one in scene.surfaces]
-        everything += [
-            rim for rim in rims if np.linalg.norm(rim - view.centre, axis=1).max(initial=0.0) < near
-        ]
-        flat = (
-            np.concatenate([self._plane(track) for track in everything]) if everything else np.zeros((1, 2))
-        )
+        seen = [rim for rim in rims if np.linalg.norm(rim - view.centre, axis=1).max(initial=0.0) < near]
+        flat = np.concatenate([self._plane(track) for track in (*scene.points, *seen)])
         low, high = flat.min(axis=0), flat.max(axis=0)
         extent = np.maximum(high - low, 1e-9 * max(view.size, 1e-300))
         pad = 0.05 * float(np.linalg.norm(extent))
@@ -237,14 +232,12 @@ def svg(scene: Scene, frame: int = 0, width: int = 640, height: int = 480) -> st
         f' preserveAspectRatio="xMidYMid meet"><title>{title}</title>'
     ]
     for one in scene.surfaces:
-        rim, filled = outline(one, frame), one.kind == "plane"
-        look = 'fill="#6f9fcf" fill-opacity="0.15"' if filled else 'fill="none"'
-        if one.kind == "net":
-            pieces = list(rim.reshape(-1, 3, 3))
-            lines += [_path(to(piece), 'fill="#6f9fcf" fill-opacity="0.15"') for piece in pieces]
-            continue
-        pieces = np.split(rim, len(rim) // (ROUND + 1)) if one.kind in ("sphere", "cylinder") else [rim]
-        lines += [_path(to(piece), f'{look} stroke="#6c7885"') for piece in pieces]
+        rim = outline(one, frame)
+        look = 'fill="#6f9fcf" fill-opacity="0.15"' if one.kind in ("plane", "net") else 'fill="none"'
+        corners = {"net": 3, "sphere": ROUND + 1, "cylinder": ROUND + 1}.get(one.kind)
+        pieces = [rim] if corners is None else rim.reshape(-1, corners, 3)
+        stroke = ' stroke="#6c7885"' * (one.kind != "net")
+        lines += [_path(to(piece), look + stroke) for piece in pieces]
     for link in scene.links[:MOST_DRAWN]:
         ends = to(np.array([scene.at(link.ends[0], frame), scene.at(link.ends[1], frame)]))
         dash = "" if link.kind == "rod" else ' stroke-dasharray="4 3"'

@@ -1,8 +1,7 @@
 """A chart as data: panels of curves with the words of their axes and legends, whatever they are drawn with.
 
-Rows, curves and paths are decimated to as many points as a figure can show. Rows are all there while they are few, and
-every second, fourth, ... of them where they are more; a curve over time keeps the extrema of its stretches; of a path
-in a plane what goes over the same points again is drawn once.
+Rows, curves and paths are decimated to as many points as a figure can show: rows evenly, a curve over time keeps the
+extrema of its stretches, and of a path in a plane what goes over the same points again is drawn once.
 """
 
 from __future__ import annotations
@@ -18,6 +17,7 @@ from lagcli import doubles
 from lagcli.simulation.run_state.statistics import KINDS
 
 Floats = NDArray[np.float64]
+Span = tuple[float, float]
 
 # Curves of one panel that a legend can tell apart; more have the colours of a sequence.
 MOST_KEYS = 12
@@ -33,6 +33,7 @@ NUMBERS = 1 << 22
 # Of a path: points of an orbit that never closes, drawn with a pen of a thousandth of the page, and cells that a page
 # tells apart in one direction; coarser than the fewest, it looks like steps.
 PATH_POINTS, CELLS, FEWEST_CELLS = 20_000, 4000, 250
+STEPS = (1, 2, 2.5, 5, 10)  # between ticks, times a power of ten
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -84,18 +85,13 @@ class IncidentMarks:
         return len(self.times) > DENSE_MARKS
 
 
-def incident_marks(
-    incidents: Iterable[tuple[float, str]], span: tuple[float, float]
-) -> Sequence[IncidentMarks]:
+def incident_marks(incidents: Iterable[tuple[float, str]], span: Span) -> Sequence[IncidentMarks]:
     """The marks of incidents, given by times and kinds, on an axis of time; kinds in their order."""
-    found: dict[str, list[float]] = {}
-    for t, kind in incidents:
-        found.setdefault(kind, []).append(t)
-    first, last = span
+    known, (first, last) = list(incidents), span
     marks = []
     for number, kind in enumerate(KINDS):
-        if kind in found:
-            times = np.array(found[kind])
+        times = np.array([t for t, own in known if own == kind])
+        if len(times):
             # The first time in each of `MOST_MARKS` parts of the axis
             parts = np.floor((times - first) / ((last - first) or 1.0) * MOST_MARKS)
             _, distinct = np.unique(parts, return_index=True)
@@ -108,9 +104,8 @@ class ChartPanel:
     """Curves on common axes.
 
     shape: `time` for values over a common axis that rises, `plane` for one column against another, `equal` for such
-    with one scale; keys: of the legend, empty where the axis names the one curve; is_family: coloured by a sequence;
-    is_log: sizes on a logarithmic scale; limits: of x where it is common to all panels; title: what stands above one of
-    several panels side by side.
+    with one scale; keys: of the legend; is_family: coloured by a sequence; is_log: sizes on a logarithmic scale;
+    limits: of x where it is common to all panels; title: above one of several panels side by side.
     """
 
     shape: Literal["time", "plane", "equal"]
@@ -120,16 +115,14 @@ class ChartPanel:
     keys: tuple[LegendKey, ...] = ()
     is_family: bool = False
     is_log: bool = False
-    limits: tuple[float, float] | None = None
+    limits: Span | None = None
     dots: tuple[IncidentDots, ...] = ()
     notes: tuple[str, ...] = ()
     title: str = ""
 
     def drawable(self) -> ChartPanel:
         """The panel; of values that are too large for an axis a part, which the name of the axis says."""
-        (left, right), (bottom, top) = (
-            _ends([getattr(curve, axis) for curve in self.curves], np.inf) for axis in "xy"
-        )
+        (left, right), (bottom, top) = self.extent(np.inf)
         is_far, is_high = max(-left, right) > LARGEST, max(-bottom, top) > LARGEST
         if self.shape == "equal":
             is_far = is_high = is_far or is_high
@@ -150,13 +143,12 @@ class ChartPanel:
             ),
         )
 
-    def extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """The smallest and largest finite values of x and of y, up to `LARGEST`; (0, 0) where there are none."""
-        x, y = ([getattr(curve, axis) for curve in self.curves] for axis in "xy")
-        return _ends(x, LARGEST), _ends(y, LARGEST)
+    def extent(self, most: float = LARGEST) -> tuple[Span, Span]:
+        """The smallest and largest finite values of x and of y, up to the size `most`; (0, 0) where there are none."""
+        return ends((c.x for c in self.curves), most), ends((c.y for c in self.curves), most)
 
 
-def _ends(values: Sequence[Floats], most: float) -> tuple[float, float]:
+def ends(values: Iterable[Floats], most: float = np.inf) -> Span:
     """The smallest and largest finite numbers of arrays, up to the size `most`; (0, 0) where there are none."""
     shown = np.concatenate([*values, np.zeros(0)])
     shown = np.clip(shown[np.isfinite(shown)], -most, most)
@@ -172,9 +164,7 @@ class ChartData:
     incidents: Sequence[tuple[float, str]] = ()
 
 
-def squared(
-    x: tuple[float, float], y: tuple[float, float], width: float, height: float
-) -> tuple[tuple[float, float], tuple[float, float]]:
+def squared(x: Span, y: Span, width: float, height: float) -> tuple[Span, Span]:
     """The limits of axes of that size on which both directions have one scale, with some room around x and y."""
     spans = max(x[1] - x[0], 0.0), max(y[1] - y[0], 0.0)
     scale = 1.08 * max(spans[0] / width, spans[1] / height)
@@ -210,7 +200,7 @@ def fitted(label: str) -> str:
     return f"{label} × 1e-10"
 
 
-def widened(span: tuple[float, float], part: float = 0.0) -> tuple[float, float]:
+def widened(span: Span, part: float = 0.0) -> Span:
     """The limits of an axis that shows all of a span, and a part of it more at both ends; the span may be a point."""
     low, high = (min(max(end, -LARGEST), LARGEST) for end in span)
     if low == high:
@@ -280,19 +270,13 @@ def extrema(values: NDArray[np.float64], most: int) -> NDArray[np.intp]:
     stretches = max(1, most // 2)
     width = -(-count // stretches)
     first = np.arange(stretches) * width
-    none = np.isnan(values)
-    padded = np.empty((stretches, width))
+    padded = np.full((stretches, width), np.nan)
     padded.ravel()[:count] = values
-    padded.ravel()[count:] = np.nan
-    has_gaps = count < padded.size or bool(none.any())
-    lowest, highest = (
-        (first + pick(np.where(np.isnan(padded), other, padded) if has_gaps else padded, axis=1)).clip(
-            max=count - 1
-        )
-        for pick, other in ((np.argmin, np.inf), (np.argmax, -np.inf))
-    )
+    none = np.isnan(padded)
+    lowest = (first + np.where(none, np.inf, padded).argmin(axis=1)).clip(max=count - 1)
+    highest = (first + np.where(none, -np.inf, padded).argmax(axis=1)).clip(max=count - 1)
     # A curve is broken where it has no value; where that is so too often to be seen, it is by stretches of none.
-    breaks = np.flatnonzero(none)
+    breaks = np.flatnonzero(np.isnan(values))
     breaks = breaks[: len(breaks) if len(breaks) <= most else 0]
     return np.unique(np.concatenate([lowest, highest, breaks, [0, count - 1]]))
 
@@ -308,8 +292,7 @@ def path(x: Floats, y: Floats, most: int = PATH_POINTS, cells: int = CELLS) -> t
         chosen, keys = _moved(x, y, cells)
         if len(chosen) <= most:
             return x[chosen], y[chosen]
-        # The indices of points from which a piece leads to the next that no piece before has led over,
-        # either way
+        # The points from which a piece leads to the next that no piece before has led over, either way
         low, high = np.minimum(keys[:-1], keys[1:]), np.maximum(keys[:-1], keys[1:])
         pairs = low * (CELLS * CELLS) + high
         _, first = np.unique(pairs, return_index=True)
@@ -336,7 +319,7 @@ def _moved(x: Floats, y: Floats, cells: int) -> tuple[NDArray[np.intp], NDArray[
     for values in (x, y):
         finite = np.isfinite(values)
         lost |= ~finite
-        low, high = (values[finite].min(), values[finite].max()) if finite.any() else (0.0, 0.0)
+        low, high = ends([values])
         span = high / 2 - low / 2 or 1.0  # halves: twice the largest double is none
         cell = np.where(finite, (values / 2 - low / 2) / span * (cells - 1), 0.0)
         keys = keys * cells + cell.astype(np.int64)

@@ -13,16 +13,8 @@ from numpy.typing import NDArray
 
 from lagcli import doubles
 from lagcli.model.model import Units
-from lagcli.output.figures import figure_page, labels, panels
-from lagcli.output.figures.chart import (
-    ChartData,
-    ChartPanel,
-    IncidentMarks,
-    decades,
-    incident_marks,
-    squared,
-    widened,
-)
+from lagcli.output.figures import chart, figure_page, labels, panels
+from lagcli.output.figures.chart import ChartData, ChartPanel, IncidentMarks, incident_marks, squared, widened
 
 GAP = 0.08  # inches above a panel
 SMALL = 7.0  # points: ticks and names beside a bar of colours
@@ -32,19 +24,19 @@ SMALLEST, LARGEST = -323, 308  # powers of ten that are doubles
 MOST_TICKS = 7  # decades that are named
 
 
-def compose(chart: ChartData) -> figure_page.NotebookFigure:
-    """The figure of a chart: its panels one below the other."""
-    spans = [panel.limits for panel in chart.panels if panel.shape == "time" and panel.limits is not None]
+def compose(data: ChartData) -> figure_page.NotebookFigure:
+    """The figure of a data: its panels one below the other."""
+    spans = [panel.limits for panel in data.panels if panel.shape == "time" and panel.limits is not None]
     marks: Sequence[IncidentMarks] = ()
-    if chart.incidents and (spans or any(panel.dots for panel in chart.panels)):
-        times = [t for t, _ in chart.incidents]
-        marks = incident_marks(chart.incidents, spans[0] if spans else (min(times), max(times)))
+    if data.incidents and (spans or any(panel.dots for panel in data.panels)):
+        times = [t for t, _ in data.incidents]
+        marks = incident_marks(data.incidents, spans[0] if spans else (min(times), max(times)))
     with figure_page.style():
-        ruler, blocks = _begun(chart.title, chart.panels, marks)
-        frames = [_frame(ruler, panel, len(chart.panels)) for panel in chart.panels]
+        ruler, blocks = _begun(data.title, data.panels, marks)
+        frames = [_frame(ruler, panel, len(data.panels)) for panel in data.panels]
         # Axes above each other begin and end at one abscissa, so that an instant is below itself.
         left, beside = (max(getattr(frame, name) for frame in frames) for name in ("left", "beside"))
-        for frame, after in itertools.zip_longest(frames, chart.panels[1:]):
+        for frame, after in itertools.zip_longest(frames, data.panels[1:]):
             panel = frame.panel
             is_last = after is None or (after.x_label, after.limits) != (panel.x_label, panel.limits)
             is_named = is_last or panel.limits is None
@@ -288,7 +280,7 @@ def _values(panel: ChartPanel, most: int, floor: float = 0.0) -> figure_page.Sca
     """The scale of the values; what is not larger than the floor is drawn as zero."""
     if not panel.is_log:
         return figure_page.value_scale((curve.y for curve in panel.curves), floor, most)
-    bottom, top = decades(*panel.extent()[1])
+    bottom, top = chart.decades(*panel.extent()[1])
     every = max(1, -(-(top - bottom) // MOST_TICKS))
     powers = [p for p in range(-(-bottom // every) * every, top + 1, every) if SMALLEST <= p <= LARGEST]
     texts = tuple(figure_page.number_text(f"{10.0**p:g}" if -3 <= p <= 4 else f"1e{p}") for p in powers)

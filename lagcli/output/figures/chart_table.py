@@ -1,7 +1,4 @@
-"""Tables as charts read them: names of columns, and the columns when they are asked for, in blocks.
-
-A curve is decimated at once, and keeps what a chart has to know of all its rows.
-"""
+"""Tables as charts read them, in blocks of columns: curves are decimated at once, and know what to tell of all rows."""
 
 from __future__ import annotations
 
@@ -18,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.output.figures import chart
+from lagcli.output.figures.chart import Span
 from lagcli.output.tables import provenance, table_format
 from lagcli.output.tables.provenance import TableFacts
 from lagcli.output.tables.table_format import UnreadableTable
@@ -147,59 +145,50 @@ class Series:
     rows: int
 
 
-@dataclasses.dataclass(slots=True, eq=False)
-class TableSeries:
-    """The curves of one table by their columns; span: of the axis, None where there are no rows."""
-
-    curves: dict[str, Series]
-    span: tuple[float, float] | None
-
-
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class SeriesSet:
-    """The curves of tables over one axis; is_time: the axis rises in all of them."""
+    """The curves of each table by their columns; ends: of the axes that have rows; is_time: the axis rises in all."""
 
-    tables: list[TableSeries]
+    curves: list[dict[str, Series]]
+    ends: list[Span]
     is_time: bool
 
-    def find(self, run: int, column: str) -> Series | None:
-        """The curve of a column of a table, if it has one."""
-        return self.tables[run].curves.get(column)
+    def of(self, column: str) -> list[Series]:
+        """The curves of a column in the tables that have it."""
+        return [curves[column] for curves in self.curves if column in curves]
 
     def largest(self, column: str) -> float:
         """The largest size of a column in all tables."""
-        return max(
-            (table.curves[column].largest for table in self.tables if column in table.curves), default=0.0
-        )
+        return max((one.largest for one in self.of(column)), default=0.0)
 
 
 def over(tables: Sequence[ChartTable], axis: str | None, columns: Sequence[str], is_log: bool) -> SeriesSet:
     """Columns over an axis, over the number of the row where it is None; sizes with gaps at zeros where is_log."""
     count = sum(column in table.columns for table in tables for column in columns)
     most = int(np.clip(POINTS // max(1, count), FEWEST, MOST))
-    found, is_time = [], True
+    found: list[dict[str, Series]] = []
+    ends, is_time = [], True
     for table in tables:
         known = set(table.columns)
-        own, rises = TableSeries({}, None), True
+        own: dict[str, Series] = {}
+        x, rises = np.zeros(0), True
         for common, names, block in table.blocks(
             [] if axis is None else [axis], [name for name in columns if name in known]
         ):
             x = common[:, 0] if axis is not None else np.arange(float(len(block)))
-            finite = x[np.isfinite(x)]
             rises = axis in ("t", None) or bool((x[1:] >= x[:-1]).all())
-            own.span = (float(finite.min()), float(finite.max())) if finite.size else None
             for index, name in enumerate(names):
-                own.curves[name] = _series(x, block[:, index], is_log, most if rises else None)
+                own[name] = _series(x, block[:, index], is_log, most if rises else None)
         found.append(own)
+        ends += [chart.ends([x])] if np.isfinite(x).any() else []
         is_time = is_time and rises
-    return SeriesSet(found, is_time)
+    return SeriesSet(found, ends, is_time)
 
 
 def _series(x: Floats, values: Floats, is_log: bool, most: int | None) -> Series:
     """A curve of at most so many points over a rising axis, of as many as it takes in a plane."""
     values = np.ascontiguousarray(values)  # one column of many is gone through several times
-    finite = values[known] if not (known := np.isfinite(values)).all() else values
-    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+    low, high = chart.ends([values])
     zeros = len(values) - int(np.count_nonzero(values))
     y = np.where(values != 0, np.abs(values), np.nan) if is_log else values
     if most is None:

@@ -12,19 +12,9 @@ from numpy.typing import NDArray
 
 from lagcli.errors import diagnostics
 from lagcli.output.figures import chart
-from lagcli.output.figures.chart import (
-    ChartData,
-    ChartPanel,
-    IncidentMarks,
-    decades,
-    incident_marks,
-    squared,
-    tick_texts,
-    widened,
-)
+from lagcli.output.figures.chart import ChartData, ChartPanel, IncidentMarks, Span, squared, widened
 
 Floats = NDArray[np.float64]
-Span = tuple[float, float]
 
 NARROWEST = 30  # columns: narrower terminals wrap the lines
 ROWS = {1: 16, 2: 11}  # lines of axes, by the number of panels
@@ -36,7 +26,6 @@ SEQUENCE = (54, 60, 24, 30, 29, 35, 71, 77, 112, 148)
 EMPTY = "\u2800"  # the character of no dots
 MARK, MARK_COLOUR = "┆", 245
 LETTERS = "abcdefghijkl"
-STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)  # between ticks, times a power of ten
 SPOTS = 3  # letters on a curve where there are no colours
 
 
@@ -57,7 +46,9 @@ def lines(data: ChartData, look: TerminalLook) -> Iterator[str]:
         yield ""
         yield _cut(panel.y_label, look.columns)
         area = _Area(panel, look, ROWS.get(len(data.panels), FEWEST_ROWS))
-        marks = incident_marks(data.incidents, area.x) if panel.shape == "time" and data.incidents else []
+        marks = (
+            chart.incident_marks(data.incidents, area.x) if panel.shape == "time" and data.incidents else []
+        )
         yield from area.drawn(marks)
         yield _cut(f"{' ' * (area.left + 1)}{panel.x_label.center(area.width)}".rstrip(), look.columns)
         for mark in marks:
@@ -114,7 +105,7 @@ class _Area:
         x, y = panel.extent()
         x = panel.limits if panel.limits is not None else x
         if panel.is_log:  # of the powers of ten
-            bottom, top = decades(*y)
+            bottom, top = chart.decades(*y)
             self.x, self._y = widened(x, 0.0), (float(bottom), float(top))
         else:
             flat = max(1e-3 * max(abs(y[0]), abs(y[1])), 0.0) or 1.0
@@ -234,7 +225,7 @@ def ticks(low: float, high: float, most: int) -> list[tuple[float, str]]:
     if not (rough > 0 and math.isfinite(rough)):
         return [(low, f"{low:.6g}")] if math.isfinite(low) else []
     power = 10.0 ** math.floor(math.log10(rough))
-    step = next((part * power for part in STEPS if part * power >= rough * (1 - 1e-9)), 10 * power)
+    step = next((part * power for part in chart.STEPS if part * power >= rough * (1 - 1e-9)), 10 * power)
     if step <= 0.0 or high / step - math.floor(low / step) > 100 * most:
         return [(low, f"{low:.6g}"), (high, f"{high:.6g}")]
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
@@ -243,5 +234,5 @@ def ticks(low: float, high: float, most: int) -> list[tuple[float, str]]:
     digits = max(1, math.ceil(math.log10(largest / step) + 1e-9) + 2) if largest else 1
     return [
         (value, text.replace("e-0", "e-").replace("e+0", "e"))
-        for value, text in zip(values, tick_texts(values, digits), strict=True)
+        for value, text in zip(values, chart.tick_texts(values, digits), strict=True)
     ]

@@ -12,16 +12,9 @@ from numpy.typing import NDArray
 
 from lagcli import doubles
 from lagcli.errors import diagnostics
+from lagcli.output.figures import chart as chart_data
 from lagcli.output.figures import chart_table, labels, panels
-from lagcli.output.figures.chart import (
-    MOST_KEYS,
-    ChartCurve,
-    ChartData,
-    ChartPanel,
-    IncidentDots,
-    LegendKey,
-    incident_marks,
-)
+from lagcli.output.figures.chart import MOST_KEYS, ChartCurve, ChartData, ChartPanel, LegendKey
 from lagcli.output.figures.chart_table import ChartTable, Series
 from lagcli.output.figures.labels import COMPARABLE, OPEN, ColumnTexts
 from lagcli.output.tables import table_format
@@ -31,7 +24,6 @@ Floats = NDArray[np.float64]
 MOST_PANELS = 24  # on one page, an inch each
 # Columns that share axes only while their values are of like size: their units may differ.
 MOST_APART = 8
-MOST_LISTED = 6  # names in a note
 MOST_DASHED = 6  # dashes that differ, and columns and runs that one panel holds together
 # Below it, in whatever unit, forces may be rounding: where no model tells, that is said.
 # `tests/unit/test_drawing_thresholds.py::test_forces_that_may_be_rounding_are_noted` fails at 1e-12 and 1e-14.
@@ -150,8 +142,8 @@ class _Plan:
         if not wanted:
             return
         series = chart_table.over(self._tables, self.x, wanted, self._choice.is_log)
-        spans = [table.span for table in series.tables if table.span is not None]
-        limits = (min(low for low, _ in spans), max(high for _, high in spans)) if spans else (0.0, 0.0)
+        ends = series.ends or [(0.0, 0.0)]
+        limits = min(low for low, _ in ends), max(high for _, high in ends)
         words, runs = self._words[0], len(self._tables)
         for names in groups:
             # Columns share axes, but where sizes or runs are too many to be told apart.
@@ -175,7 +167,7 @@ class _Plan:
         curves = []
         for run, table in enumerate(self._tables):
             for index, name in enumerate(names):
-                one = series.find(run, name)
+                one = series.curves[run].get(name)
                 if one is None:
                     continue
                 y = one.y
@@ -196,7 +188,7 @@ class _Plan:
         return ChartPanel(
             "time" if series.is_time else "plane",
             words.axis([self.x]) if self.x is not None else "row",
-            " ".join(filter(None, ("size of", label))) if is_log else label or _listed(names),
+            " ".join(filter(None, ("size of", label))) if is_log else label or diagnostics.first_of(names),
             tuple(curves),
             keys,
             is_family=is_family,
@@ -209,15 +201,13 @@ class _Plan:
     def _notes(
         self, names: Sequence[str], kind: str, series: chart_table.SeriesSet, zeros: set[tuple[int, str]]
     ) -> Iterator[str]:
-        every = {
-            name: [s for run in range(len(self._tables)) if (s := series.find(run, name))] for name in names
-        }
+        every = {name: series.of(name) for name in names}
         rounded = [name for name in names if any((run, name) in zeros for run in range(len(self._tables)))]
         if rounded:
-            yield f"zero to rounding: {_listed(rounded)}"
+            yield f"zero to rounding: {diagnostics.first_of(rounded)}"
         nothing = [name for name in names if every[name] and all(one.largest == 0 for one in every[name])]
         if nothing and not self._choice.is_log:
-            yield f"zero throughout: {_listed(nothing)}"
+            yield f"zero throughout: {diagnostics.first_of(nothing)}"
         if self._choice.is_log:
             yield from _log_notes({name: found for name, found in every.items() if found})
         largest = max(map(series.largest, names))
@@ -234,7 +224,7 @@ class _Plan:
         for name in names:
             lacking = [t.name for t in self._tables if name not in t.columns]
             if lacking:
-                yield f"no column {name} in {_listed(lacking)}"
+                yield f"no column {name} in {diagnostics.first_of(lacking)}"
 
     def pairs(self) -> Iterator[ChartPanel]:
         """The panels of --xy; pairs of the same components share axes."""
@@ -283,7 +273,7 @@ class _Plan:
         dots = tuple(dot for pair in pairs for dot in self._dots(pair))
         return ChartPanel("equal", x_label, y_label, tuple(curves), keys, dots=dots).drawable()
 
-    def _dots(self, pair: tuple[str, str]) -> tuple[IncidentDots, ...]:
+    def _dots(self, pair: tuple[str, str]) -> tuple[chart_data.IncidentDots, ...]:
         """The points of incidents on a path."""
         (table, *others) = self._tables
         if others or not table.incidents or not {"t", *pair} <= set(table.columns):
@@ -291,9 +281,9 @@ class _Plan:
         t, x, y = table.take(["t", *pair]).T
         if not len(t):
             return ()
-        marks = incident_marks(table.incidents, (float(t[0]), float(t[-1])))
+        marks = chart_data.incident_marks(table.incidents, (float(t[0]), float(t[-1])))
         return tuple(
-            IncidentDots(mark.number, np.interp(mark.times, t, x), np.interp(mark.times, t, y))
+            chart_data.IncidentDots(mark.number, np.interp(mark.times, t, x), np.interp(mark.times, t, y))
             for mark in marks
         )
 
@@ -302,17 +292,12 @@ def _log_notes(found: dict[str, list[Series]]) -> Iterator[str]:
     """Remarks on what a logarithmic scale cannot show."""
     negative = [name for name, every in found.items() if any(one.has_negatives for one in every)]
     if negative:
-        yield f"sizes are drawn; negative values occur in {_listed(negative)}"
+        yield f"sizes are drawn; negative values occur in {diagnostics.first_of(negative)}"
     zeros = {name: sum(one.zeros for one in every) for name, every in found.items()}
     rows = {name: sum(one.rows for one in every) for name, every in found.items()}
     nothing = [name for name in found if zeros[name] == rows[name]]
     if nothing:
-        yield f"exactly zero throughout, not drawn: {_listed(nothing)}"
+        yield f"exactly zero throughout, not drawn: {diagnostics.first_of(nothing)}"
     some = [f"{name} ({zeros[name]} of {rows[name]})" for name in found if 0 < zeros[name] < rows[name]]
     if some:
-        yield f"gaps where values are exactly zero: {_listed(some)}"
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = len(names) - MOST_LISTED
-    return ", ".join(names[:MOST_LISTED]) + (f" and {more} others" if more > 0 else "")
+        yield f"gaps where values are exactly zero: {diagnostics.first_of(some)}"

@@ -1,8 +1,7 @@
 """A page of blocks for figures that are printed: texts, legends, axes, in inches from the upper left corner.
 
-The page is a column of blocks, each of which knows its height in inches before anything is drawn. Texts are
-measured and broken into lines, cut only where they are very long, and never read as markup: the names and the title
-are the user's.
+Each block knows its height before anything is drawn. Texts are measured and broken into lines, and never read as
+markup: the names and the title are the user's.
 """
 
 import bisect
@@ -35,9 +34,6 @@ class TextStyle(TypedDict, total=False):
     """The style of a text, by matplotlib's names."""
 
     ha: str
-    va: str
-    rotation: float
-    multialignment: str
     weight: str
     color: str
 
@@ -58,6 +54,7 @@ INK = "#222222"
 GREY = "#888888"
 # Okabe and Ito's colours, which the colour-blind can tell apart; dashes tell apart curves that coincide.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+BLUE, RED, GREEN, *_ = COLOURS
 DASHES: tuple[Dash, ...] = (
     "-",
     (0, (5, 2)),
@@ -68,14 +65,7 @@ DASHES: tuple[Dash, ...] = (
 )
 # Of marks of incidents, lighter, in the order of their kinds.
 MARK_COLOURS = ("#E3A587", "#C39BD3", "#B7A27A", "#93C9A8", "#9DB9D9", "#AAAAAA")
-MARK_DASHES: tuple[Dash, ...] = (
-    "-",
-    (0, (6, 1.5)),
-    (0, (2, 1)),
-    (0, (4, 2)),
-    (0, (1, 1)),
-    (0, (6, 1.5, 1.5, 1.5)),
-)
+MARK_DASHES: tuple[Dash, ...] = ("-", (0, (6, 1.5)), (0, (2, 1)), (0, (4, 2)), (0, (1, 1)), DASHES[3])
 # Asked only for characters that DejaVu Sans, which comes with matplotlib, does not have.
 FALLBACK_FONTS = (
     "Noto Sans CJK SC",
@@ -92,6 +82,13 @@ FALLBACK_FONTS = (
     "Noto Sans Thai",
     "Arial Unicode MS",
 )
+TICKS: dict[str, str | float] = {
+    "color": GREY,
+    "labelcolor": INK,
+    "major.width": 0.6,
+    "major.size": 2.5,
+    "major.pad": 2,
+}
 STYLE: dict[Any, str | float] = {  # matplotlib's keys are literals
     "text.parse_math": False,
     "text.usetex": False,
@@ -100,16 +97,7 @@ STYLE: dict[Any, str | float] = {  # matplotlib's keys are literals
     "axes.linewidth": 0.6,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "xtick.color": GREY,
-    "ytick.color": GREY,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "xtick.major.size": 2.5,
-    "ytick.major.size": 2.5,
-    "xtick.major.pad": 2.0,
-    "ytick.major.pad": 2.0,
+    **{f"{axis}tick.{name}": value for axis in "xy" for name, value in TICKS.items()},
     "svg.hashsalt": "lagcli",
     "pdf.fonttype": 42,  # journals refuse Type 3 fonts
     "agg.path.chunksize": 10_000,
@@ -198,8 +186,8 @@ class FigurePage:
 
     def upright(self, left: float, middle: float, text: str, size: float) -> None:
         """Text that reads upwards, for the axis of values."""
-        style: TextStyle = {"rotation": 90, "va": "center", "multialignment": "center"}
-        self.figure.text(left / WIDTH, 1 - middle / self._height, text, fontsize=size, **style)
+        x, y = left / WIDTH, 1 - middle / self._height
+        self.figure.text(x, y, text, fontsize=size, rotation=90, va="center", multialignment="center")
 
     def line(self, left: float, right: float, top: float, **style: Unpack[LineStyle]) -> None:
         height = 1 - top / self._height
@@ -362,9 +350,7 @@ def value_scale(curves: Iterable[NDArray[np.float64]], floor: float, most: int) 
 
     floor: what is not larger is drawn as zero.
     """
-    finite = [curve[np.isfinite(curve)] for curve in curves]
-    values = np.concatenate([*finite, np.zeros(0)])
-    low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
+    low, high = chart.ends(curves)
     largest = max(abs(low), abs(high))
     if largest <= max(floor, 1e-280):
         return Scale((-1.0, 1.0), (0.0,), ("0",))
@@ -376,7 +362,7 @@ def value_scale(curves: Iterable[NDArray[np.float64]], floor: float, most: int) 
 def scale_of(low: float, high: float, most: int) -> Scale:
     """A scale with about ``most`` ticks, each told apart from the next by its text."""
     low, high = max(low, -chart.LARGEST), min(high, chart.LARGEST)
-    found = ticker.MaxNLocator(nbins=most, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+    found = ticker.MaxNLocator(nbins=most, steps=chart.STEPS).tick_values(low, high)
     step = float(found[1] - found[0])
     values = [0.0 if abs(value) < 1e-9 * step else float(value) for value in found if low <= value <= high]
     values = values or [low, high]  # the ends of all doubles have no round numbers between

@@ -1,11 +1,8 @@
-"""The words of figures and charts: labels of units, what a column is, and names that tell several tables apart.
-
-A column is told by its name and what is known of its table; tables differ in a parameter, or in the part of a path that
-is no other's.
-"""
+"""The words of figures and charts: labels of units, what a column is, and names that tell several tables apart."""
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import PurePath
@@ -40,19 +37,16 @@ PLURALS = {
 OPEN = ("coordinate", "rate", "other", "constraint force of a coordinate", "generalized force", "error")
 MOST_NAMED = 3  # parameters in one name of a table
 SETTINGS = ("method", "rtol", "atol", "version")
-_PREFIXES = tuple(
-    (re.compile(pattern, re.DOTALL), kind)
-    for pattern, kind in (
-        (r"t", "time"),
-        (r"energy", "energy"),
-        (r"err\..+", "error"),
-        (r"(lambda|mu)\..+", "multiplier"),
-        (r"R\..+\.[xyz]", "constraint force"),
-        (r"R\..+", "constraint force of a coordinate"),
-        (r"Q\..+", "generalized force"),
-        (r"rate\(.+\)", "rate"),
-    )
-)
+_KINDS = {
+    r"t": "time",
+    r"energy": "energy",
+    r"err\..+": "error",
+    r"(lambda|mu)\..+": "multiplier",
+    r"R\..+\.[xyz]": "constraint force",
+    r"R\..+": "constraint force of a coordinate",
+    r"Q\..+": "generalized force",
+    r"rate\(.+\)": "rate",
+}
 
 
 def shortened(text: str, most: int) -> str:
@@ -114,8 +108,8 @@ class ColumnTexts:
 
     def kind(self, column: str) -> str:
         """The kind of a column, a key of PLURALS."""
-        for pattern, kind in _PREFIXES:
-            if pattern.fullmatch(column):
+        for pattern, kind in _KINDS.items():
+            if re.fullmatch(pattern, column, re.DOTALL):
                 return kind
         stem, _, member = column.rpartition(".")
         # A vector among the outputs is no particle, and has no velocity.
@@ -133,6 +127,8 @@ class ColumnTexts:
         if units is None:
             return ""
         kind, known = self.kind(column), self._facts.dimensions
+        if kind == "multiplier":
+            return multiplier_unit(column, units, known)
         length, time = units.length.strip(), units.time.strip()
         per_time = f"{length or '1'}/{time}" if time not in ("", "1") else length
         torque = force_unit(units, 2)
@@ -148,19 +144,13 @@ class ColumnTexts:
             "generalized force": torque if of_angle else "",
             "energy": "J" if torque == "N·m" else torque,
         }
-        if kind == "multiplier":
-            return multiplier_unit(column, units, known)
         return found.get(kind, "")
 
     def axis(self, columns: Sequence[str]) -> str:
         """The name of an axis of some columns of one kind and unit."""
         kind, (first, *others) = self.kind(columns[0]), columns
         if not others:
-            named = (
-                f"{kind} {first}"
-                if kind in ("multiplier", "position", "velocity", "constraint force")
-                else first
-            )
+            named = f"{kind} {first}" if kind in COMPARABLE else first
             return with_unit(shortened(named, TITLE), self.unit(first))
         return with_unit(PLURALS[kind], self.unit(first))
 
@@ -187,10 +177,9 @@ def distinguishing(paths: Sequence[str], origins: Sequence[Mapping[str, object] 
             if len(set(texts)) == len(texts):
                 return texts
     names = _by_paths(paths)
-    numbered = [f"{name} ({number})" if name else f"run {number}" for number, name in enumerate(names, 1)]
     return [
-        name if name and names.count(name) == 1 else other
-        for name, other in zip(names, numbered, strict=True)
+        name if name and names.count(name) == 1 else f"{name} ({number})" if name else f"run {number}"
+        for number, name in enumerate(names, 1)
     ]
 
 
@@ -223,9 +212,12 @@ def _by_paths(paths: Sequence[str]) -> list[str]:
 
 def _without_common(lists: list[list[str]]) -> list[list[str]]:
     """The lists without what all begin with and all end with."""
-    fewest = min(map(len, lists))
-    head = next((i for i in range(fewest) if len({each[i] for each in lists}) > 1), fewest)
+
+    def common(several: list[list[str]]) -> int:
+        first = zip(*several, strict=False)
+        return sum(1 for _ in itertools.takewhile(lambda items: len(set(items)) == 1, first))
+
+    head = common(lists)
     tails = [each[head:] for each in lists]
-    fewest = min(map(len, tails))
-    tail = next((i for i in range(fewest) if len({each[-1 - i] for each in tails}) > 1), fewest)
+    tail = common([each[::-1] for each in tails])
     return [each[: len(each) - tail] for each in tails]

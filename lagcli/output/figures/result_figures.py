@@ -11,7 +11,7 @@ from matplotlib import axes, axis, figure, ticker
 from numpy.typing import NDArray
 
 from lagcli.output.figures import figure_page, labels
-from lagcli.output.figures.figure_page import GREY
+from lagcli.output.figures.figure_page import BLUE, GREEN, GREY, RED
 
 if TYPE_CHECKING:
     from lagcli.auditing.checks.audit_report import Audit
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-BLUE, RED, GREEN, PINK, YELLOW, CYAN = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 STRIP, PANEL = 0.62, 1.75  # inches of one check, and of a row of panels
 FLOOR = 1e-9  # what is below that part of its limit is drawn there
 MOST_PANELS, COLUMNS = 12, 3  # modes of one page, and in one line of it
@@ -253,7 +252,7 @@ def motions(
         if mu:
             panel = panels[len(names)]
             short = [labels.shortened(name.removeprefix("mu."), labels.NAME) for name in mu]
-            colours = (GREEN, PINK, YELLOW, CYAN)
+            colours = figure_page.COLOURS[2:]
             for index, name in enumerate(mu):
                 colour = colours[index % len(colours)]
                 panel.plot(
