@@ -17,17 +17,9 @@ import numpy.typing as npt
 
 from lagcli import yaml_tree
 from lagcli.errors import diagnostics
+from lagcli.model import model as nouns
 from lagcli.model.family import Family
-from lagcli.model.model import (
-    GeneralizedForce,
-    Inequality,
-    Model,
-    ParticleForce,
-    Potential,
-    RigidBody,
-    Vector3,
-    VectorExpression,
-)
+from lagcli.model.model import Model, Vector3, VectorExpression
 
 if TYPE_CHECKING:
     from lagcli.output.figures.figure_page import PlainFigure
@@ -55,12 +47,9 @@ def tables(model: Model) -> Iterator[PageTable]:
     for parameter in model.parameters:
         # Parameters made from expressions show them; the value is the one of this run.
         value = _value(parameter.value)
-        formula = (
-            parameter.formula.text
-            if parameter.formula is not None and parameter.formula.text != value
-            else ""
-        )
-        parameters.append((parameter.name, value, "--set" if parameter.name in changed else formula))
+        formula = parameter.formula.text if parameter.formula is not None else ""
+        whence = "--set" if parameter.name in changed else formula * (formula != value)
+        parameters.append((parameter.name, value, whence))
     yield from _table("Parameters", ("name", "value", "from"), parameters, {0, 2})
     yield from _table(
         "Coordinates",
@@ -133,23 +122,23 @@ def _table(
 def _forces(model: Model) -> Iterator[tuple[str, str, str]]:
     for force in model.forces:
         match force:
-            case ParticleForce():
+            case nouns.ParticleForce():
                 targets = _named(model.particle_names, np.unique(force.action.targets))
                 yield _label(force.members), targets, _vector(force.force)
-            case GeneralizedForce():
+            case nouns.GeneralizedForce():
                 targets = _named(model.generalized_names, np.unique(force.action.targets))
                 yield _label(force.members), targets, force.force.text
-            case Potential():
+            case nouns.Potential():
                 yield _label(force.members), "potential", force.expression.text
 
 
 def _laws(model: Model) -> Iterator[tuple[str, str, str]]:
     for law in model.constraints():
-        if isinstance(law, RigidBody):
+        if isinstance(law, nouns.RigidBody):
             yield law.name, "rigid", _named(model.particle_names, law.particles)
         else:
             declared = type(law).__name__.lower()
-            restitution = _range(law.restitution) if isinstance(law, Inequality) else "0"
+            restitution = _range(law.restitution) if isinstance(law, nouns.Inequality) else "0"
             law_text = law.equation.text + (f", restitution {restitution}" if restitution != "0" else "")
             yield _label(law.members), declared, law_text
 
@@ -195,33 +184,37 @@ def _with(words: str, unit: str) -> str:
 
 def listing(text: str, name: str) -> PageListing:
     """The lines of the text of a model that has been read."""
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\n").split("\n")
+    whole = text.replace("\r\n", "\n").replace("\r", "\n")
+    lines = whole.rstrip("\n").split("\n")
     caption = f"{name}, {len(lines)} line{'s' * (len(lines) != 1)}"
     if len(lines) > MOST_LINES:
         caption += f", of which the first {MOST_LINES} are shown"
     shown = "\n".join(lines[:MOST_LINES])
-    whole = text.replace("\r\n", "\n").replace("\r", "\n")
-    marks = _marks(whole, name) if len(whole) <= MOST_MARKED else []
-    return PageListing(tuple(_lines(shown, marks)), caption)
+    found: list[list[tuple[str, str]]] = [[]]
+    for look, stretch in _pieces(shown, _marks(whole, name) if len(whole) <= MOST_MARKED else []):
+        first, *rest = stretch.split("\n")
+        found[-1].append((look, first))
+        found += [[(look, part)] for part in rest]
+    return PageListing(tuple(map(_cut, found)), caption)
 
 
 def _marks(text: str, name: str) -> list[tuple[int, int, str]]:
     """Stretches of the text with a look, in order and apart from each other."""
-    keys: list[tuple[int, int]] = []
-    scalars: list[tuple[int, int]] = []
+    found: list[tuple[int, int, str]] = []
+    taken: list[tuple[int, int]] = []
     waiting: list[yaml_tree.AnyNode] = [yaml_tree.parse(text, name)]
     while waiting:
         match waiting.pop():
             case yaml_tree.Scalar() as one:
-                scalars.append((one.start, one.end))
+                taken.append((one.start, one.end))
             case yaml_tree.Sequence() as several:
                 waiting += several.items
             case yaml_tree.Mapping() as entries:
                 for key, value in entries:
-                    keys.append((key.start, key.end))
+                    taken.append((key.start, key.end))
+                    found.append((key.start, key.end, "key"))
                     waiting.append(value)
-    taken = sorted([*keys, *scalars])
-    found = [(start, end, "key") for start, end in keys]
+    taken.sort()
     # What stands between scalars is punctuation, and comments.
     for (_, begin), (end, _) in zip([(0, 0), *taken], [*taken, (len(text), 0)], strict=True):
         for comment in COMMENT.finditer(text, begin, max(begin, end)):
@@ -229,28 +222,26 @@ def _marks(text: str, name: str) -> list[tuple[int, int, str]]:
     return sorted(found)
 
 
-def _lines(shown: str, marks: list[tuple[int, int, str]]) -> Iterator[tuple[tuple[str, str], ...]]:
-    at, mark_index = 0, 0
-    for line in shown.split("\n"):
-        end = at + len(line)
-        pieces: list[tuple[str, str]] = []
-        while mark_index < len(marks) and marks[mark_index][1] <= at:
-            mark_index += 1
-        here, number = at, mark_index
-        while number < len(marks) and marks[number][0] < end:
-            start, stop, look = max(here, marks[number][0]), min(end, marks[number][1]), marks[number][2]
-            pieces += [("", shown[here:start]), (look, shown[start:stop])]
-            here, number = stop, number + 1
-        pieces.append(("", shown[here:end]))
-        cut: list[tuple[str, str]] = []
-        room = MOST_IN_LINE
-        for look, piece in pieces:
-            if piece and room >= 0:
-                plain = diagnostics.printable(piece.replace("\t", " " * TAB).replace("\xa0", " "))
-                cut.append((look, plain if len(plain) <= room else f"{plain[:room]} …"))
-                room -= len(plain)
-        yield tuple(cut)
-        at = end + 1
+def _pieces(shown: str, marks: list[tuple[int, int, str]]) -> Iterator[tuple[str, str]]:
+    """The whole text in pieces with their looks."""
+    at = 0
+    for start, end, look in marks:
+        yield "", shown[at:start]
+        yield look, shown[max(at, start) : end]
+        at = max(at, end)
+    yield "", shown[at:]
+
+
+def _cut(pieces: list[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
+    """The pieces of a line as they are printed, as many letters as have room."""
+    cut: list[tuple[str, str]] = []
+    room = MOST_IN_LINE
+    for look, piece in pieces:
+        if piece and room >= 0:
+            plain = diagnostics.printable(piece.replace("\t", " " * TAB).replace("\xa0", " "))
+            cut.append((look, plain if len(plain) <= room else f"{plain[:room]} …"))
+            room -= len(plain)
+    return tuple(cut)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -1,13 +1,11 @@
 """The page of a model in files: HTML, Markdown, and PDF, which a browser prints or LaTeX makes; the only module with
-Jinja2.
-
-Every text is escaped by the writer and not by the template: HTML by Jinja2's autoescape, Markdown and LaTeX by
-`finalize`. What is markup says so by its class.
-"""
+Jinja2. Every text is escaped by the writer and not by the template: HTML by autoescape, Markdown and LaTeX by
+`finalize`. What is markup says so by its class."""
 
 from __future__ import annotations
 
 import base64
+import contextlib
 import dataclasses
 import functools
 import html
@@ -17,7 +15,7 @@ import shutil
 import subprocess
 import tempfile
 import urllib.parse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import jinja2
@@ -96,11 +94,9 @@ class ReportPage:
         return {figure_file(figure): figure.content for figure in self.contents.figures}
 
     def save(self, path: str | os.PathLike[str], pdf: str | None = None) -> tuple[Path, ...]:
-        """Write the page as .html, .md with its figures in a folder beside it, or .pdf; return the files.
-
-        pdf: "browser" or "latex", which makes the PDF; by default a browser, or else LaTeX. Each is written aside and
-        moved into place. Raises `formats.UnknownFormat`, `report_page.NoPdf`, OSError.
-        """
+        """Write the page as .html, .md with its figures in a folder beside it, or .pdf; return the files. pdf:
+        "browser" or "latex", which makes the PDF; by default the first there is. Raises `formats.UnknownFormat`,
+        `NoPdf`, OSError."""
         target = Path(path)
         files: dict[Path, bytes] = {}
         match formats.of(target, FORMATS):
@@ -162,44 +158,39 @@ def printed_by_browser(page: str) -> bytes:
     """The PDF of an HTML page. Raises `NoPdf`."""
     program = browser()
     assert program is not None
-    with tempfile.TemporaryDirectory(prefix="lagcli-", ignore_cleanup_errors=True) as name:
-        folder = Path(name)
-        source = folder / "report.html"
-        source.write_text(page, encoding="utf-8")
-        options = [
-            "--headless",
-            "--disable-gpu",
-            "--no-first-run",
-            "--no-pdf-header-footer",
-            f"--user-data-dir={folder / 'profile'}",
-            f"--print-to-pdf={folder / 'report.pdf'}",
-            source.as_uri(),
-        ]
-        if hasattr(os, "geteuid") and os.geteuid() == 0:
-            # Chromium refuses to start its sandbox for root. The page holds no script, and its policy forbids any.
-            options.insert(0, "--no-sandbox")
-        done, content = _run([program, *options], folder, "printed")
-        if not content.startswith(b"%PDF"):
-            raise NoPdf(f"{program} has printed nothing (exit code {done.returncode})")
-        return content
+    options = ["--headless", "--disable-gpu", "--no-first-run", "--no-pdf-header-footer"]
+    if hasattr(os, "geteuid") and os.geteuid() == 0:
+        # Chromium refuses to start its sandbox for root. The page holds no script, and its policy forbids any.
+        options.insert(0, "--no-sandbox")
+    with _folder({"report.html": page.encode()}) as folder:
+        options += [f"--user-data-dir={folder / 'profile'}", f"--print-to-pdf={folder / 'report.pdf'}"]
+        done, content = _run([program, *options, (folder / "report.html").as_uri()], folder, "printed")
+    if not content.startswith(b"%PDF"):
+        raise NoPdf(f"{program} has printed nothing (exit code {done.returncode})")
+    return content
 
 
 def made_by_latex(document: str, figures: Mapping[str, bytes]) -> bytes:
     """The PDF of a document with figures by the names of their files. Raises `NoPdf`."""
     program = latex()
     assert program is not None
-    with tempfile.TemporaryDirectory(prefix="lagcli-", ignore_cleanup_errors=True) as name:
-        folder = Path(name)
-        (folder / "report.tex").write_text(document, encoding="utf-8")
-        for file, content in figures.items():
-            (folder / file).write_bytes(content)
-        options = ["-interaction=nonstopmode", "-halt-on-error", "-no-shell-escape", "report.tex"]
+    options = ["-interaction=nonstopmode", "-halt-on-error", "-no-shell-escape", "report.tex"]
+    with _folder({**figures, "report.tex": document.encode()}) as folder:
         done, content = _run([program, *options], folder, "made", SAFE)
-        if done.returncode or not content.startswith(b"%PDF"):
-            lines = done.stdout.decode(errors="replace").splitlines()
-            first = next((line for line in lines if line.startswith("!")), f"exit code {done.returncode}")
-            raise NoPdf(f"{program} has made no PDF: {first.lstrip('! ')}")
-        return content
+    if done.returncode or not content.startswith(b"%PDF"):
+        lines = done.stdout.decode(errors="replace").splitlines()
+        first = next((line for line in lines if line.startswith("!")), f"exit code {done.returncode}")
+        raise NoPdf(f"{program} has made no PDF: {first.lstrip('! ')}")
+    return content
+
+
+@contextlib.contextmanager
+def _folder(files: Mapping[str, bytes]) -> Iterator[Path]:
+    """A folder with these files, for as long as it is needed."""
+    with tempfile.TemporaryDirectory(prefix="lagcli-", ignore_cleanup_errors=True) as name:
+        for file, content in files.items():
+            Path(name, file).write_bytes(content)
+        yield Path(name)
 
 
 def _run(

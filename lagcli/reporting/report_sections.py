@@ -16,15 +16,7 @@ from lagcli.model.model import Model
 from lagcli.output.figures import labels
 from lagcli.output.tables.incident_table import IMPULSE
 from lagcli.reporting import model_on_page
-from lagcli.reporting.model_on_page import (
-    Block,
-    PageEquations,
-    PageFigure,
-    PageSection,
-    PageSentences,
-    PageTable,
-    ReportContents,
-)
+from lagcli.reporting.model_on_page import Block, PageEquations, PageFigure, PageSentences, PageTable
 from lagcli.running.run_account import Stats
 from lagcli.running.trajectory import Trajectory
 
@@ -49,7 +41,7 @@ class ReportParts:
     tolerance_text: str
 
 
-def contents(parts: ReportParts) -> ReportContents:
+def contents(parts: ReportParts) -> model_on_page.ReportContents:
     """The page."""
     model, stopped, audit = parts.model, parts.run.stats.stopped, parts.audit
     failures, open_questions = [], []
@@ -70,26 +62,24 @@ def contents(parts: ReportParts) -> ReportContents:
         )
     if audit.passed and any(check.verdict in ("not judged", "partly judged") for check in audit.checks):
         open_questions.append(f"Audit: {audit.conclusion}")
-    equations: Block = (
-        PageSentences((f"The equations are not written here: {parts.equations}",))
-        if isinstance(parts.equations, str)
-        else parts.equations
-    )
+    equations: Block | str = parts.equations
+    if isinstance(equations, str):
+        equations = PageSentences((f"The equations are not written here: {equations}",))
     sections = (
-        PageSection(
+        model_on_page.PageSection(
             "Model", "model", (*model_on_page.tables(model), model_on_page.listing(model.text, model.path))
         ),
-        PageSection("Degrees of freedom and verdicts", "verdicts", tuple(_verdicts(parts.checked))),
-        PageSection("Equations of motion", "equations", (equations,)),
-        PageSection("Motion", "motion", tuple(_motion(parts))),
-        PageSection("Audit", "audit", tuple(_audit(parts.audit, parts.checks))),
-        PageSection("Provenance", "provenance", tuple(_provenance(parts.run.stats, model))),
-    )
-    return ReportContents(
-        labels.shortened(parts.title, labels.TITLE),
-        tuple(
-            text for text in (model.description, f"Source: {model.source}" if model.source else "") if text
+        model_on_page.PageSection(
+            "Degrees of freedom and verdicts", "verdicts", tuple(_verdicts(parts.checked))
         ),
+        model_on_page.PageSection("Equations of motion", "equations", (equations,)),
+        model_on_page.PageSection("Motion", "motion", tuple(_motion(parts))),
+        model_on_page.PageSection("Audit", "audit", tuple(_audit(parts.audit, parts.checks))),
+        model_on_page.PageSection("Provenance", "provenance", tuple(_provenance(parts.run.stats, model))),
+    )
+    return model_on_page.ReportContents(
+        labels.shortened(parts.title, labels.TITLE),
+        tuple(filter(None, (model.description, f"Source: {model.source}" if model.source else ""))),
         tuple(failures),
         tuple(open_questions),
         tuple(_summary(parts)),
@@ -192,7 +182,7 @@ def _account(stats: Stats) -> Iterator[tuple[str, str]]:
 def _audit(found: Audit, figure: PageFigure | None) -> Iterator[Block]:
     yield PageSentences(
         (
-            f"A second opinion from the table and the model alone, without the functions of the solver:"
+            "A second opinion from the table and the model alone, without the functions of the solver:"
             f" {found.rows} rows from t = {found.start:.9g} to {found.end:.9g}. {found.conclusion}",
         )
     )

@@ -104,10 +104,7 @@ def _abandon(writer: animation.AbstractMovieWriter) -> None:
 
 
 class _Drawing:
-    """The figure of a film, whose parts are moved from picture to picture.
-
-    _arrows: forces with their arrows; _trails: the ways of particles in the picture, (T, 2), with their shown pieces.
-    """
+    """The figure of a film, whose parts are moved from picture to picture."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene

@@ -154,10 +154,8 @@ def of_bodies(model: nouns.Model, particles: Floats) -> Iterable[Link]:
 def contact_radii(
     pairs: Iterable[SquareDistance], lines: Iterable[tuple[int, int, float]], count: int
 ) -> Floats:
-    """The radius of each particle (count,) that keeps its distance from others like a hard sphere, nan for others.
-
-    lines: pairs of particles that keep a distance along one line.
-    """
+    """The radius of each particle (count,) that keeps its distance from others like a hard sphere, nan for others;
+    lines: pairs that keep a distance along one line."""
     radii = np.full(count, np.nan)
     contacts = [((a, b), distance) for a, b, distance in lines]
     contacts += [((a, b), float(np.ravel(pair.length)[0])) for pair in pairs for a, b in [pair.weights]]

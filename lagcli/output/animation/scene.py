@@ -29,11 +29,8 @@ STANDING = np.concatenate([np.eye(3), np.zeros((1, 3))])[None]
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Link:
-    """Two points (by their numbers in `Scene.points`) with something between them.
-
-    length: of a rod or a string, which is slack where the points are closer; 0 for a spring. lengths: (T,) of a string
-    that is let out or pulled in, whose first is `length`; of all others None.
-    """
+    """Two points (by their numbers in `Scene.points`) with something between them. length: of a rod, or of a string,
+    which is slack where they are closer; 0 for a spring; lengths (T,): of a string that is let out or pulled in."""
 
     kind: Literal["rod", "string", "spring"]
     name: str

@@ -219,10 +219,8 @@ def tick_texts(values: Sequence[float], digits: int) -> list[str]:
 
 
 class DecimatedRows:
-    """Rows in arrival order, decimated evenly so that their number stays bounded; the last row is always there.
-
-    marks: times and kinds of incidents among them.
-    """
+    """Rows in arrival order, decimated evenly so that their number stays bounded; the last row is always there. marks:
+    times and kinds of incidents."""
 
     def __init__(self) -> None:
         self.marks: list[tuple[float, str]] = []
@@ -282,10 +280,8 @@ def extrema(values: NDArray[np.float64], most: int) -> NDArray[np.intp]:
 
 
 def path(x: Floats, y: Floats, most: int = PATH_POINTS, cells: int = CELLS) -> tuple[Floats, Floats]:
-    """About `most` points of the curve through x and y (T,), which looks the same to `cells` cells across.
-
-    Pieces that are left are parted by nan, where a curve is broken.
-    """
+    """About `most` points of the curve through x and y (T,), which looks the same to `cells` cells across; pieces that
+    are left are parted by nan."""
     if len(x) <= most:
         return x, y
     while True:

@@ -57,11 +57,10 @@ def compose_run(
     units: Units,
     facts: panels.PanelFacts = panels.NOTHING,
 ) -> figure_page.NotebookFigure:
-    """The figure of the multipliers and constraint forces of a run, lambda_i(t) and R_k(t).
+    """The figure of the multipliers and constraint forces of a run, rows (T, len(columns)), lambda_i(t) and R_k(t).
 
-    ``rows`` has shape (T, len(columns)), with all the columns of a run. ``facts``: multipliers that are not unique are
-    marked, columns that are zero to rounding drawn as zero, incidents light upright lines. Raises ValueError where the
-    column ``t`` is missing.
+    Multipliers that are not unique are marked, columns that are zero to rounding drawn as zero, incidents light upright
+    lines. Raises ValueError where the column ``t`` is missing.
     """
     bands = panels.bands(columns, rows, labels.short_units(units), facts)
     drawn = [panel for band in bands for panel in band.panels]
@@ -88,8 +87,7 @@ def compose_run(
 def _begun(
     title: str, drawn: Sequence[ChartPanel], marks: Sequence[IncidentMarks]
 ) -> tuple[figure_page.Ruler, list[figure_page.FigureBlock]]:
-    """The ruler for the texts of a page, whose fonts are taken from now on, and the first blocks: the title, and the
-    legend of the marks of incidents."""
+    """The ruler for the texts of a page, whose fonts are taken from now on, its title, and the legend of incidents."""
     title = labels.shortened(title, labels.TITLE)
     texts = [title]
     for panel in drawn:
@@ -120,11 +118,8 @@ def _legend(ruler: figure_page.Ruler, panel: ChartPanel) -> list[figure_page.Fig
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class _Frame:
-    """The measures of the axes of a panel in inches, and what stands beside them.
-
-    left, beside: room for the values on the left and for names on the right; named: indices of curves that are named at
-    the bar of their colours.
-    """
+    """The measures of the axes of a panel in inches: room for the values on the left and for names beside them; named:
+    indices of curves that are named at the bar of their colours."""
 
     panel: ChartPanel
     scale: figure_page.Scale

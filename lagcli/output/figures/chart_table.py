@@ -31,11 +31,8 @@ FIRST = 8  # columns of the first batch, where the number of rows is not known
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ChartTable:
-    """A table with a name.
-
-    take(names): rows (T, len(names)); length: how many there are, where that is known; incidents: times and kinds;
-    origin: its provenance, where it is known.
-    """
+    """A table with a name. take(names): rows (T, len(names)); length: how many, where that is known; incidents: times
+    and kinds; origin: its provenance, where it is known."""
 
     name: str
     columns: tuple[str, ...]

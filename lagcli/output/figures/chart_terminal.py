@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 
 from lagcli.errors import diagnostics
 from lagcli.output.figures import chart
-from lagcli.output.figures.chart import ChartData, ChartPanel, IncidentMarks, Span, squared, widened
+from lagcli.output.figures.chart import (
+    ChartCurve,
+    ChartData,
+    ChartPanel,
+    IncidentMarks,
+    Span,
+    squared,
+    widened,
+)
 
 Floats = NDArray[np.float64]
 
@@ -57,10 +65,11 @@ def lines(data: ChartData, look: TerminalLook) -> Iterator[str]:
         for note in panel.notes:
             line = ""
             for word in diagnostics.printable(note).split():
-                if line and diagnostics.columns(line) + 1 + diagnostics.columns(word) > look.columns:
+                longer = f"{line} {word}" if line else _cut(word, look.columns)
+                if line and diagnostics.columns(longer) > look.columns:
                     yield line
-                    line = ""
-                line = f"{line} {word}" if line else _cut(word, look.columns)
+                    longer = _cut(word, look.columns)
+                line = longer
             yield line
 
 
@@ -113,19 +122,20 @@ class _Area:
                 middle = y[0] / 2 + y[1] / 2
                 y = middle - flat / 2, middle + flat / 2
             self.x, self._y = widened(x, 0.0 if panel.shape == "time" else 0.03), widened(y, 0.04)
-        texts = self._texts()
-        self.left = max(map(len, texts.values()), default=0)
-        self.width = max(10, look.columns - self.left - 2)
+        self._measure()
         if panel.shape == "equal":
             (left, right), (lowest, highest) = panel.extent()
             ratio = (highest - lowest) / (right - left) if right > left else 1.0
             self.rows = round(min(max(self.width * ratio / 2, FEWEST_ROWS), 2 * rows))
             self.x, self._y = squared(*panel.extent(), 2 * self.width, 4 * self.rows)
-            texts = self._texts()
-            self.left = max(map(len, texts.values()), default=0)
-            self.width = max(10, look.columns - self.left - 2)
+            self._measure()
             self.x, self._y = squared(*panel.extent(), 2 * self.width, 4 * self.rows)
         self._ticks = self._texts()
+
+    def _measure(self) -> None:
+        """The columns of the texts on the left, and those that they leave."""
+        self.left = max(map(len, self._texts().values()), default=0)
+        self.width = max(10, self._look.columns - self.left - 2)
 
     def _texts(self) -> dict[int, str]:
         """The texts of ticks on the left by the number of the line from above."""
@@ -140,6 +150,17 @@ class _Area:
             found[min(max(line, 0), self.rows - 1)] = text
         return found
 
+    def _points(self, curve: ChartCurve) -> tuple[list[list[float]], list[int]]:
+        """The points of a curve on the canvas, pairs, and the indices of those that are finite."""
+        y = np.log10(curve.y) if self._panel.is_log else curve.y
+        if self._panel.shape == "time":
+            chosen = chart.extrema(y, 4 * self.width)
+            x, y = curve.x[chosen], y[chosen]
+        else:
+            x, y = chart.path(curve.x, y, most=8 * self.width, cells=4 * self.width)
+        pairs = np.column_stack([_part(x, self.x), _part(y, self._y)])
+        return pairs.tolist(), np.flatnonzero(np.isfinite(pairs).all(axis=1)).tolist()
+
     def drawn(self, marks: Sequence[IncidentMarks]) -> Iterator[str]:
         """The lines of the axes with their ticks."""
         # Loaded by --show alone.
@@ -147,32 +168,21 @@ class _Area:
 
         panel, has_colours = self._panel, self._look.has_colours
         canvas = plotille.Canvas(self.width, self.rows, 0.0, 0.0, 1.0, 1.0, mode="byte")
-        curves: list[Floats] = []  # their points on the canvas (k, 2)
-        for curve in panel.curves:
-            y = np.log10(curve.y) if panel.is_log else curve.y
-            if panel.shape == "time":
-                chosen = chart.extrema(y, 4 * self.width)
-                x, y = curve.x[chosen], y[chosen]
-            else:
-                x, y = chart.path(curve.x, y, most=8 * self.width, cells=4 * self.width)
-            curves.append(np.column_stack([_part(x, self.x), _part(y, self._y)]))
-        for index, curve_points in enumerate(curves):
+        curves = [self._points(curve) for curve in panel.curves]
+        for index, (points, known) in enumerate(curves):
             colour = _colour(panel, index) if has_colours else None
-            points = curve_points.tolist()
-            known = np.flatnonzero(np.isfinite(curve_points).all(axis=1)).tolist()
             for before, after in itertools.pairwise(known):
                 if after == before + 1:
                     canvas.line(*points[before], *points[after], color=colour)
             if len(known) == 1:
                 canvas.point(*points[known[0]], color=colour)
         if not has_colours and 1 < len(curves) <= len(LETTERS):
-            for index, curve_points in enumerate(curves):
+            for index, (points, known) in enumerate(curves):
                 # A letter on a curve, at some of its points that no other curve has
-                known = np.flatnonzero(np.isfinite(curve_points).all(axis=1)).tolist()
                 for spot in range(SPOTS if known else 0):
                     part = (spot + (index + 1) / (len(curves) + 1)) / SPOTS
-                    x, y = curve_points[known[min(int(part * len(known)), len(known) - 1)]].tolist()
-                    canvas.point(x, y, marker=LETTERS[index])
+                    point = points[known[min(int(part * len(known)), len(known) - 1)]]
+                    canvas.point(*point, marker=LETTERS[index])
         for t in itertools.chain(*(mark.times for mark in marks)):
             (fraction,) = _part(np.array([t]), self.x)
             if np.isfinite(fraction):
@@ -183,10 +193,7 @@ class _Area:
             line = line.replace(EMPTY, " ")
             text = self._ticks.get(number, "")
             yield f"{text:>{self.left}}{'┤' if text else '│'}{line}".rstrip()
-        yield from self._below()
-
-    def _below(self) -> Iterator[str]:
-        """The axis below with its ticks, as many as have room."""
+        # The axis below with its ticks, as many as have room
         axis, names = ["─"] * self.width, [" "] * (self.width + 1)
         free = 0
         for value, text in ticks(*self.x, max(2, self.width // 12)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import PurePath
 
 import numpy as np
@@ -14,8 +14,8 @@ from lagcli import doubles
 from lagcli.errors import diagnostics
 from lagcli.output.figures import chart as chart_data
 from lagcli.output.figures import chart_table, labels, panels
-from lagcli.output.figures.chart import MOST_KEYS, ChartCurve, ChartData, ChartPanel, LegendKey
-from lagcli.output.figures.chart_table import ChartTable, Series
+from lagcli.output.figures.chart import MOST_KEYS, ChartCurve, ChartData, ChartPanel, LegendKey, Span
+from lagcli.output.figures.chart_table import ChartTable
 from lagcli.output.figures.labels import COMPARABLE, OPEN, ColumnTexts
 from lagcli.output.tables import table_format
 
@@ -63,10 +63,8 @@ def chosen(
 
 
 def chart(tables: Sequence[ChartTable], choice: ChartChoice) -> ChartData:
-    """The chart of some columns of tables, which are overlaid.
-
-    Raises `UndrawableColumns`, and what the tables raise.
-    """
+    """The chart of some columns of tables, which are overlaid. Raises `UndrawableColumns`, and what the tables
+    raise."""
     if choice.is_log and choice.xy:
         raise UndrawableColumns("--log is for columns over an axis; --xy has one scale for both directions")
     plan = _Plan(tables, choice)
@@ -100,35 +98,8 @@ class _Plan:
             self.x = "t"
         for table in tables:
             if choice.x is not None and choice.x not in table.columns:
-                hint = diagnostics.nearest(choice.x, table.columns)
-                raise UndrawableColumns(
-                    f"--x: {table.name} has no column `{choice.x}`" + (f"; {hint}" if hint else "")
-                )
-
-    def _groups(self) -> list[list[str]]:
-        """The columns of the panels over the axis, in their order: those of one kind and unit are together."""
-        chosen: list[list[str]] = []
-        if not self._choice.y:
-            if self._choice.xy:
-                return []
-            rest = [name for name in self._columns if name != self.x]
-            chosen.append([name for name in rest if name.startswith("lambda.")] or rest)
-        for patterns in self._choice.y:
-            try:
-                indices = table_format.select(self._columns, patterns)
-            except table_format.UnknownColumn as error:
-                raise UndrawableColumns(f"--y: {error}") from None
-            chosen.append([self._columns[index] for index in indices])
-        if not any(chosen):
-            raise UndrawableColumns("there is no column to draw")
-        found: list[list[str]] = []
-        for names in chosen:
-            groups: dict[tuple[str, str], list[str]] = {}
-            for name in names:
-                words = self._words_for(name)
-                groups.setdefault((words.kind(name), words.unit(name)), []).append(name)
-            found += groups.values()
-        return found
+                hint = _hint(choice.x, table.columns)
+                raise UndrawableColumns(f"--x: {table.name} has no column `{choice.x}`{hint}")
 
     def _words_for(self, name: str) -> ColumnTexts:
         """The words of the first table that has a column."""
@@ -136,34 +107,45 @@ class _Plan:
         return next(words for words, table in pairs if name in table.columns)
 
     def over_axis(self) -> Iterator[ChartPanel]:
-        """The panels of columns over the axis."""
-        groups = self._groups()
-        wanted = list(dict.fromkeys(itertools.chain(*groups)))
-        if not wanted:
-            return
+        """The panels of columns over the axis, in their order: those of one kind and unit are together."""
+        chosen: list[list[str]] = []
+        for patterns in self._choice.y:
+            try:
+                indices = table_format.select(self._columns, patterns)
+            except table_format.UnknownColumn as error:
+                raise UndrawableColumns(f"--y: {error}") from None
+            chosen.append([self._columns[index] for index in indices])
+        if not chosen and not self._choice.xy:
+            rest = [name for name in self._columns if name != self.x]
+            chosen.append([name for name in rest if name.startswith("lambda.")] or rest)
+        wanted = list(dict.fromkeys(itertools.chain(*chosen)))
+        if chosen and not wanted:
+            raise UndrawableColumns("there is no column to draw")
         series = chart_table.over(self._tables, self.x, wanted, self._choice.is_log)
         ends = series.ends or [(0.0, 0.0)]
         limits = min(low for low, _ in ends), max(high for _, high in ends)
         words, runs = self._words[0], len(self._tables)
-        for names in groups:
-            # Columns share axes, but where sizes or runs are too many to be told apart.
-            kind = words.kind(names[0])
-            is_open = kind in OPEN or (kind == "multiplier" and "unit of" in words.unit(names[0]))
-            sizes = [size for size in map(series.largest, names) if size > 0]
-            is_apart = is_open and len(names) <= MOST_APART and not panels.are_of_like_size(sizes)
-            is_crowded = runs > 1 and len(names) > 1 and (runs > MOST_DASHED or len(names) > MOST_DASHED)
-            is_alone = (is_apart and not self._choice.is_log) or is_crowded
-            for part in [[name] for name in names] if is_alone else [names]:
-                yield self._panel(part, series, limits if series.is_time else None)
+        for columns in chosen:
+            groups: dict[tuple[str, str], list[str]] = {}
+            for name in columns:
+                own = self._words_for(name)
+                groups.setdefault((own.kind(name), own.unit(name)), []).append(name)
+            for names in groups.values():
+                # Columns share axes, but where sizes or runs are too many to be told apart.
+                kind = words.kind(names[0])
+                is_open = kind in OPEN or (kind == "multiplier" and "unit of" in words.unit(names[0]))
+                sizes = [size for size in map(series.largest, names) if size > 0]
+                is_apart = is_open and len(names) <= MOST_APART and not panels.are_of_like_size(sizes)
+                is_crowded = runs > 1 and len(names) > 1 and max(runs, len(names)) > MOST_DASHED
+                is_alone = (is_apart and not self._choice.is_log) or is_crowded
+                for part in [[name] for name in names] if is_alone else [names]:
+                    yield self._panel(part, series, limits if series.is_time else None)
 
-    def _panel(
-        self, names: list[str], series: chart_table.SeriesSet, limits: tuple[float, float] | None
-    ) -> ChartPanel:
+    def _panel(self, names: list[str], series: chart_table.SeriesSet, limits: Span | None) -> ChartPanel:
         words, is_log, runs = self._words_for(names[0]), self._choice.is_log, len(self._tables)
         kind = words.kind(names[0])
-        # The columns, with their tables, that are zero to rounding, but not exactly zero
         floor = doubles.VALUE * max(map(series.largest, names)) if kind in COMPARABLE else 0.0
-        zeros: set[tuple[int, str]] = set()
+        rounded: set[str] = set()  # zero to rounding in a table, but not exactly zero
         curves = []
         for run, table in enumerate(self._tables):
             for index, name in enumerate(names):
@@ -172,7 +154,7 @@ class _Plan:
                     continue
                 y = one.y
                 if not is_log and one.largest > 0 and (name in table.facts.zeros or one.largest <= floor):
-                    zeros.add((run, name))
+                    rounded.add(name)
                     y = np.where(np.isnan(y), np.nan, 0.0)
                 # Colours tell columns apart, dashes runs where there are several.
                 look = (index, run) if runs > 1 and len(names) > 1 else (index if runs == 1 else run,) * 2
@@ -180,7 +162,7 @@ class _Plan:
         is_family = len(curves) > MOST_KEYS and (runs == 1 or len(names) == 1)
         keys: tuple[LegendKey, ...] = ()
         if not is_family and (len(curves) > 1 or runs > 1):
-            keys = tuple(LegendKey(c.label, c.colour, c.dash) for c in curves)
+            keys = _keys(curves)
             if runs > 1 and len(names) > 1:
                 of_columns = [LegendKey(name, index, 0) for index, name in enumerate(names)]
                 keys = (*of_columns, *(LegendKey(name, None, run) for run, name in enumerate(self._names)))
@@ -195,32 +177,39 @@ class _Plan:
             is_log=is_log,
             limits=limits,
             dots=() if series.is_time else self._dots((self.x or "", names[0])),
-            notes=tuple(self._notes(names, kind, series, zeros)),
+            notes=tuple(self._notes(names, kind, series, rounded)),
         ).drawable()
 
     def _notes(
-        self, names: Sequence[str], kind: str, series: chart_table.SeriesSet, zeros: set[tuple[int, str]]
+        self, names: Sequence[str], kind: str, series: chart_table.SeriesSet, rounded: set[str]
     ) -> Iterator[str]:
-        every = {name: series.of(name) for name in names}
-        rounded = [name for name in names if any((run, name) in zeros for run in range(len(self._tables)))]
-        if rounded:
-            yield f"zero to rounding: {diagnostics.first_of(rounded)}"
-        nothing = [name for name in names if every[name] and all(one.largest == 0 for one in every[name])]
-        if nothing and not self._choice.is_log:
-            yield f"zero throughout: {diagnostics.first_of(nothing)}"
-        if self._choice.is_log:
-            yield from _log_notes({name: found for name, found in every.items() if found})
+        every, is_log = {name: found for name in names if (found := series.of(name))}, self._choice.is_log
+        told = {"zero to rounding: ": [name for name in names if name in rounded]}
+        if is_log:  # what a logarithmic scale cannot show
+            zeros = {name: sum(one.zeros for one in found) for name, found in every.items()}
+            rows = {name: sum(one.rows for one in found) for name, found in every.items()}
+            told["sizes are drawn; negative values occur in "] = [
+                name for name, found in every.items() if any(one.has_negatives for one in found)
+            ]
+            told["exactly zero throughout, not drawn: "] = [n for n in every if zeros[n] == rows[n]]
+            told["gaps where values are exactly zero: "] = [
+                f"{name} ({zeros[name]} of {rows[name]})" for name in every if 0 < zeros[name] < rows[name]
+            ]
+        else:
+            told["zero throughout: "] = [
+                n for n, found in every.items() if not any(one.largest for one in found)
+            ]
+        yield from (text + diagnostics.first_of(found) for text, found in told.items() if found)
         largest = max(map(series.largest, names))
-        judged = all(table.facts.is_judged for table in self._tables)
-        if not judged and kind in ("multiplier", "constraint force") and 0 < largest < SUSPECT and not zeros:
-            yield (
-                f"no value is larger than {largest:.1e}: these may be zero to rounding, which a plot of the model"
-                " decides"
-            )
-        # Outputs have any unit, and no run knows the sums they come from; of tables of others nothing is presumed.
-        has_units = all(table.facts.units is not None for table in self._tables)
-        if has_units and kind == "other" and not self._choice.is_log and 0 < largest < SUSPECT:
-            yield f"no value is larger than {largest:.1e}: these may be zero to rounding"
+        if 0 < largest < SUSPECT:
+            small = f"no value is larger than {largest:.1e}: these may be zero to rounding"
+            judged = all(table.facts.is_judged for table in self._tables)
+            if not judged and kind in ("multiplier", "constraint force") and not rounded:
+                yield f"{small}, which a plot of the model decides"
+            # Outputs have any unit, and no run knows the sums they come from; of tables of others nothing is presumed.
+            has_units = all(table.facts.units is not None for table in self._tables)
+            if has_units and kind == "other" and not is_log:
+                yield small
         for name in names:
             lacking = [t.name for t in self._tables if name not in t.columns]
             if lacking:
@@ -234,11 +223,8 @@ class _Plan:
             if len(names) != 2:
                 raise UndrawableColumns(f"--xy {text}: write two columns, such as a.x,a.z")
             for name in names:
-                if not any(name in table.columns for table in self._tables):
-                    hint = diagnostics.nearest(name, self._columns)
-                    raise UndrawableColumns(
-                        f"--xy: there is no column `{name}`" + (f"; {hint}" if hint else "")
-                    )
+                if name not in self._columns:
+                    raise UndrawableColumns(f"--xy: there is no column `{name}`{_hint(name, self._columns)}")
             x, y = names
             members = (x.rpartition(".")[2], y.rpartition(".")[2])
             found.setdefault(members if "." in x and "." in y else (x, y), []).append((x, y))
@@ -247,31 +233,28 @@ class _Plan:
                 raise UndrawableColumns(
                     f"{len(self._tables) * len(pairs)} curves on one pair of axes cannot be told apart"
                 )
-            yield self._plane(pairs)
-
-    def _plane(self, pairs: Sequence[tuple[str, str]]) -> ChartPanel:
-        curves: list[ChartCurve] = []
-        for run, table in enumerate(self._tables):
-            for index, pair in enumerate(pairs):
-                if set(pair) <= set(table.columns):
-                    x, y = chart_table.path(table, pair)
+            curves: list[ChartCurve] = []
+            for run, table in enumerate(self._tables):
+                for index, pair in enumerate(pairs):
+                    if not set(pair) <= set(table.columns):
+                        continue
                     # `a` of a.x and a.z; `a.x, b.z` of columns of different particles
                     stems = {name.rpartition(".")[0] for name in pair}
                     label = stems.pop() if len(stems) == 1 and "" not in stems else ", ".join(pair)
                     if self._names[run]:
                         label = self._names[run] if len(pairs) == 1 else f"{label}, {self._names[run]}"
                     number = run * len(pairs) + index
-                    curves.append(ChartCurve(label, x, y, number, number))
-        words = self._words[0]
-        keys = tuple(LegendKey(c.label, c.colour, c.dash) for c in curves) if len(curves) > 1 else ()
-        x_label, y_label = (
-            words.axis(names[:1])
-            if len(set(names)) == 1
-            else labels.with_unit(names[0].rpartition(".")[2], words.unit(names[0]))
-            for names in zip(*pairs, strict=True)
-        )
-        dots = tuple(dot for pair in pairs for dot in self._dots(pair))
-        return ChartPanel("equal", x_label, y_label, tuple(curves), keys, dots=dots).drawable()
+                    curves.append(ChartCurve(label, *chart_table.path(table, pair), number, number))
+            words = self._words[0]
+            x_label, y_label = (
+                words.axis(names[:1])
+                if len(set(names)) == 1
+                else labels.with_unit(names[0].rpartition(".")[2], words.unit(names[0]))
+                for names in zip(*pairs, strict=True)
+            )
+            keys = _keys(curves) if len(curves) > 1 else ()
+            dots = tuple(dot for pair in pairs for dot in self._dots(pair))
+            yield ChartPanel("equal", x_label, y_label, tuple(curves), keys, dots=dots).drawable()
 
     def _dots(self, pair: tuple[str, str]) -> tuple[chart_data.IncidentDots, ...]:
         """The points of incidents on a path."""
@@ -288,16 +271,10 @@ class _Plan:
         )
 
 
-def _log_notes(found: dict[str, list[Series]]) -> Iterator[str]:
-    """Remarks on what a logarithmic scale cannot show."""
-    negative = [name for name, every in found.items() if any(one.has_negatives for one in every)]
-    if negative:
-        yield f"sizes are drawn; negative values occur in {diagnostics.first_of(negative)}"
-    zeros = {name: sum(one.zeros for one in every) for name, every in found.items()}
-    rows = {name: sum(one.rows for one in every) for name, every in found.items()}
-    nothing = [name for name in found if zeros[name] == rows[name]]
-    if nothing:
-        yield f"exactly zero throughout, not drawn: {diagnostics.first_of(nothing)}"
-    some = [f"{name} ({zeros[name]} of {rows[name]})" for name in found if 0 < zeros[name] < rows[name]]
-    if some:
-        yield f"gaps where values are exactly zero: {diagnostics.first_of(some)}"
+def _keys(curves: Sequence[ChartCurve]) -> tuple[LegendKey, ...]:
+    return tuple(LegendKey(c.label, c.colour, c.dash) for c in curves)
+
+
+def _hint(word: str, known: Iterable[str]) -> str:
+    hint = diagnostics.nearest(word, known)
+    return f"; {hint}" if hint else ""

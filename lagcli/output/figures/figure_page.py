@@ -110,10 +110,7 @@ METADATA: dict[str, dict[str, str | None]] = {
 
 
 def write(path: str | os.PathLike[str], drawn: figure.Figure) -> None:
-    """Write a figure to ``path``: png, svg or pdf, aside and moved into place.
-
-    Raises ``formats.UnknownFormat``, OSError.
-    """
+    """Write a figure to ``path``: png, svg or pdf. Raises ``formats.UnknownFormat``, OSError."""
     target = Path(path)
     atomic_file.write(target, content(formats.of(target, formats.FIGURES), drawn))
 
@@ -346,10 +343,8 @@ class Scale:
 
 
 def value_scale(curves: Iterable[NDArray[np.float64]], floor: float, most: int) -> Scale:
-    """The scale of the values of curves, not so fine that round-off about a constant looks like a motion.
-
-    floor: what is not larger is drawn as zero.
-    """
+    """The scale of the values of curves, not so fine that round-off about a constant looks like a motion; what is not
+    larger than ``floor`` is drawn as zero."""
     low, high = chart.ends(curves)
     largest = max(abs(low), abs(high))
     if largest <= max(floor, 1e-280):

@@ -64,10 +64,8 @@ def short_units(units: Units) -> Units:
 
 
 def force_unit(units: Units, length_power: int = 1) -> str:
-    """The label of mass length^p / time^2: a force for ``length_power`` 1, a force times a length for 2.
-
-    Newton and its multiples where the labels are kg, m, s; empty where all labels are empty or "1".
-    """
+    """The label of mass length^p / time^2: a force for ``length_power`` 1, a force times a length for 2. Newton where
+    the labels are kg, m, s; empty where all labels are empty or "1"."""
     labels = [units.mass.strip(), units.length.strip(), units.time.strip()]
     if labels == ["kg", "m", "s"]:
         more = length_power - 1

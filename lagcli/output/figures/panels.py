@@ -37,9 +37,8 @@ _NOT_UNIQUE = (
 class PanelFacts:
     """The known facts of the columns of a run.
 
-    indeterminate: constraints of which lambda is not unique, by name; zeros: columns that are zero to rounding and are
-    shown as zero; dimensions: of rows and coordinates, where they are known; is_choice: the columns are some of those
-    of a run; incidents: their times and kinds.
+    indeterminate: constraints of which lambda is not unique; zeros: columns that are zero to rounding; dimensions: of
+    rows and coordinates; is_choice: the columns are some of those of a run; incidents: their times and kinds.
     """
 
     indeterminate: Collection[str] = ()
@@ -112,11 +111,10 @@ class _Table:
 
 
 def bands(columns: Sequence[str], rows: Floats, units: Units, facts: PanelFacts = NOTHING) -> list[Band]:
-    """The bands of the figure of a run, from top to bottom.
+    """The bands of the figure of a run, from top to bottom; rows (T, len(columns)).
 
-    ``rows`` has shape (T, len(columns)). Every ``lambda.NAME`` is shown, zero or not; of the particles
-    (columns ``R.NAME.x``, ``.y``, ``.z``) and coordinates (``R.NAME``) those whose force is not zero
-    throughout. Raises ValueError where the column ``t`` is missing.
+    Every ``lambda.NAME`` is shown, zero or not; of particles (``R.NAME.x``, ``.y``, ``.z``) and coordinates
+    (``R.NAME``) those whose force is not zero throughout. Raises ValueError where the column ``t`` is missing.
     """
     if "t" not in columns:
         raise ValueError('a figure needs the column "t"')

@@ -27,10 +27,8 @@ MOST_COLUMNS = 4  # of two motions that are drawn
 
 
 def audit(found: Audit, unit: str = "s") -> figure.Figure:
-    """An audit: one strip for each check over time, as a part of its limit, on a logarithmic scale with the limit at 1.
-
-    ``unit``: the label of time.
-    """
+    """An audit: one strip for each check over time, as a part of its limit, on a logarithmic scale. ``unit``: of
+    time."""
     checks = [check for check in found.checks if check.entries and (check.law or check.verdict == "fail")]
     with figure_page.style():
         verdict = found.conclusion.partition(".")[0].partition(":")[0].partition(",")[0]
@@ -139,9 +137,9 @@ def _bars(plot: axes.Axes, coordinates: Sequence[str], shape: NDArray[np.complex
 class LimitCurves:
     """The curves of the figure of a limit.
 
-    t (T,) and multiplier (T,): of the constrained run; forces: stiffnesses with -k f (T,), softest first, of a ramp one
-    without a stiffness; spans (K, 3): k, with the least and the largest -k f of a run; errors (K, 2): k and the error;
-    line (K,): the fitted errors; rate: the fit in words.
+    t (T,) and multiplier (T,): of the constrained run; forces: -k f (T,) by stiffnesses, softest first; spans (K, 3):
+    k, with the least and the largest -k f; errors (K, 2): k and the error; line (K,): the fitted errors; rate: the fit
+    in words.
     """
 
     constraint: str
@@ -156,8 +154,7 @@ class LimitCurves:
 
 
 def limit(curves: LimitCurves, title: str, unit: str = "s") -> figure.Figure:
-    """A stiff limit: the force over time, the force against stiffness, the error against 1/k. ``unit``: the label of
-    time."""
+    """A stiff limit: the force over time, the force against stiffness, the error against 1/k. ``unit``: of time."""
     with figure_page.style():
         drawn = figure_page.sheet(labels.shortened(title, labels.TITLE), 4.9)
         panels = drawn.subplot_mosaic([["time", "time"], ["stiffness", "errors"]])

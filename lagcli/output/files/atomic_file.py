@@ -1,15 +1,16 @@
 """Files written aside and moved into place, so that a target is either the old file or the whole new one, and locks
 of the operating system on files that are written for long, so that a second writer is refused.
 
-A lock stands on a file `.NAME.lock` beside the file it is for, which goes when the lock does. The system gives a lock
-back when its process ends, however that is: a file that a kill has left is no lock. Where a file system has no locks,
-the file itself is one: it is made by one process alone, and after a kill somebody has to remove it.
+A lock stands on a file `.NAME.lock` beside the file it is for. The system gives it back when its process ends: a file
+that a kill has left is no lock. Where a file system has no locks, the file itself is one: one process alone makes it,
+and after a kill somebody has to remove it.
 """
 
 from __future__ import annotations
 
 import contextlib
 import errno
+import io
 import os
 import stat
 import sys
@@ -31,10 +32,8 @@ WRITTEN = "another run or sweep is writing it"
 class PendingFile:
     """An empty file of its own beside ``target``; write to ``path``, then commit, keep_partial or discard.
 
-    A link is followed, so that the file it names is replaced and the link stays. A target that is no regular
-    file (a pipe, a device) cannot be replaced and is written in place. Raises OSError, with the name of the
-    target, where `destination` does, where another process has a `FileLock` on it and where the folder cannot be
-    written.
+    The file that a link names is replaced, and the link stays. A pipe or a device is written in place. Raises OSError,
+    with the name of the target, as `destination` and `require_free`, and where the folder cannot be written.
     """
 
     def __init__(self, target: Path) -> None:
@@ -59,10 +58,8 @@ class PendingFile:
             raise OSError(error.errno, error.strerror, str(target)) from error
 
     def commit(self, durably: bool = False) -> None:
-        """Move the file into the place of the target, with the permissions and the owner the target had.
-
-        durably: return when it is on the disk, so that a power cut finds the new file or the old one.
-        """
+        """Move the file into the place of the target, with the permissions and the owner that had. durably: return when
+        it is on the disk."""
         if self.is_in_place:
             return
         if durably:
@@ -94,6 +91,13 @@ class PendingFile:
         if not self.is_in_place:
             self.path.unlink(missing_ok=True)
             _begun.discard(self.path)
+
+
+def put(file: io.RawIOBase, data: bytes | memoryview) -> None:
+    """Write all bytes to a file without a buffer: a nearly full disk may take a part, and the next call tells why."""
+    rest = memoryview(data)
+    while rest:
+        rest = rest[file.write(rest) :]
 
 
 def write(target: Path, content: bytes, durably: bool = False) -> None:
@@ -136,9 +140,9 @@ def partial_of(target: Path) -> Path:
 def destination(target: Path) -> Path:
     """The file that is replaced where ``target`` is written: itself, or what its links lead to.
 
-    Raises OSError, with the name of the target, for a directory, a write-protected file, a file that only somebody
-    else may replace, a link that leads to itself, and a link of somebody else in a sticky folder that everybody may
-    write, which Linux with ``fs.protected_symlinks`` does not follow either.
+    Raises OSError, with the name of the target, for a directory, a file that the user may not write or replace, a link
+    that leads to itself, and a link that `is_foreign`, which Linux with ``fs.protected_symlinks`` does not follow
+    either.
     """
     end = target
     for _ in range(MOST_LINKS):
@@ -167,10 +171,8 @@ def is_foreign(link: os.stat_result, folder: os.stat_result, user: int | None) -
 
 
 def protection(file: os.stat_result, folder: os.stat_result, user: int | None) -> str:
-    """The reason why the user must not replace a file, or an empty text.
-
-    Root may write everything: then its owner's permission counts, as a protected file was protected on purpose.
-    """
+    """The reason why the user must not replace a file, or an empty text. For root its owner's permission counts: a
+    protected file was protected on purpose."""
     if user is None or user in (0, file.st_uid):
         may_write = bool(file.st_mode & stat.S_IWUSR)
     else:
@@ -188,10 +190,8 @@ def _user() -> int | None:
 
 
 def _take_over(path: Path, old: os.stat_result) -> None:
-    """Give a new file the owner and the permissions of the one it replaces, as far as the system allows it.
-
-    Where the group cannot be kept, the new one gets the permissions of everybody else.
-    """
+    """Give a new file the owner and the permissions of the one it replaces, as far as the system allows it; without the
+    group the permissions of everybody else."""
     mode = stat.S_IMODE(old.st_mode) & PERMISSIONS
     new = path.stat()
     is_same = (new.st_uid, new.st_gid) == (old.st_uid, old.st_gid)
@@ -233,22 +233,13 @@ _locks: set[FileLock] = set()  # of this process
 
 
 class FileLock:
-    """The lock on a file, from now until `release`; also as a context manager.
-
-    Two of one file exclude each other, in one process too; identity: the numbers of the system for the file that it
-    stands on. Raises OSError, with the name of the file, where somebody
-    else has it and where its folder cannot be written.
-    """
+    """The lock on a file, from now until `release`; also as a context manager. Two of one file exclude each other, in
+    one process too. Raises OSError, with the name of the file, where somebody else has it and where its folder cannot
+    be written."""
 
     def __init__(self, target: Path) -> None:
-        self._path = lock_path(target)
-        self._number = self._taken(target)
-        status = os.fstat(self._number)
-        self.identity = status.st_dev, status.st_ino
-        _locks.add(self)
-
-    def _taken(self, target: Path) -> int:
-        while True:
+        self._path, taken = lock_path(target), -1
+        while taken < 0:
             number, is_new = self._opened(target)
             with contextlib.ExitStack() as stack:
                 stack.callback(os.close, number)
@@ -264,7 +255,9 @@ class FileLock:
                 # Whoever had the lock before may have removed the file that it stands on.
                 if _is_at(self._path, number):
                     stack.pop_all()
-                    return number
+                    taken = number
+        self._number, self.status = taken, os.fstat(taken)
+        _locks.add(self)
 
     def _opened(self, target: Path) -> tuple[int, bool]:
         """The descriptor of the file of the lock, and whether it was made for it."""
@@ -309,7 +302,7 @@ def require_free(target: Path) -> None:
     except OSError:  # there is none
         return
     status = os.fstat(number)
-    if (status.st_dev, status.st_ino) in {lock.identity for lock in list(_locks)}:
+    if any(os.path.samestat(status, lock.status) for lock in list(_locks)):
         os.close(number)
         return
     try:
@@ -322,11 +315,8 @@ def require_free(target: Path) -> None:
 
 
 def _give_back(path: Path, number: int) -> None:
-    """Unlock, close and remove the file of a lock.
-
-    It goes while the lock is there: who opens it later makes a new one, and who has opened it before finds that it is
-    gone. Windows removes no open file, and none that somebody else has opened meanwhile.
-    """
+    """Unlock, close and remove the file of a lock. It goes while the lock is there: who has opened it before finds that
+    it is gone. Windows removes no open file."""
     is_removed_open = sys.platform != "win32"
     if is_removed_open and _is_at(path, number):
         with contextlib.suppress(OSError):  # its folder takes nothing more
@@ -352,10 +342,9 @@ def _left(path: Path) -> str:
 def _is_at(path: Path, number: int) -> bool:
     """True if a file that is open still has this name."""
     try:
-        named, opened = path.lstat(), os.fstat(number)
+        return os.path.samestat(path.lstat(), os.fstat(number))
     except FileNotFoundError:
         return False
-    return (named.st_dev, named.st_ino) == (opened.st_dev, opened.st_ino)
 
 
 def _leave_all() -> None:

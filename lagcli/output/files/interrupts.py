@@ -1,14 +1,12 @@
 """Signal handling: exit at once, or, once output files are open, put them in order first.
 
-Before a run has begun to write there is nothing to put in order, and an exception would not be safe: extension
-modules drop some of those that are raised while they are imported. Later a signal raises `Interrupted`, at once or,
-where rows are being written, when they are. A second and a third one never break off the writing of a file: only what
-may wait for ever, a pipe that nobody reads, is given up.
+Before a run has begun to write an exception would not be safe: extension modules drop some of those that are raised
+while they are imported. Later a signal raises `Interrupted`, at once or, where rows are being written, when they are.
+Further ones never break off the writing of a file: only a pipe that nobody reads is given up.
 
-The program installs the handlers. Where a script uses the package there are none, and all that is here lets pass.
-Handlers run between two steps of the interpreter, and a library may compute for seconds in one of them. So the number
-of a signal is written to a pipe at once, and a thread that waits there ends the process where the handler did not come
-to run, as long as no file has been begun.
+The program installs the handlers; a script that uses the package has none. Handlers run between two steps of the
+interpreter, and a library may compute for seconds in one of them: so a thread that waits at a pipe for the signals ends
+the process where the handler did not come to run, as long as no file has been begun.
 """
 
 from __future__ import annotations
@@ -22,7 +20,7 @@ from collections.abc import Callable, Iterator
 from types import FrameType
 
 NUMBERS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-PATIENCE = 1.0  # seconds an interrupt waits for a pipe that takes no more
+PATIENCE = 1  # seconds an interrupt waits for a pipe that takes no more
 WAIT = "lagcli: writing the rows, a moment"
 GRACE = 0.2  # seconds in which a handler may run before the process is ended without it
 
@@ -41,7 +39,7 @@ _raised: list[int] = []
 _pending: list[int] = []
 _patience: list[float] = []
 _at_end: list[Callable[[], None]] = []
-_handled = -1.0  # when the handler ran last, by `time.monotonic`
+_handled: float | None = None  # when the handler ran last, by `time.monotonic`
 _is_window = False
 _final_messages: list[str] = []
 _printed: list[str] = []
@@ -55,10 +53,7 @@ def install() -> None:
 
 
 def end_promptly() -> None:
-    """Let an interrupt end the process also while a library computes, from now on; for the main thread.
-
-    Where no signals are taken there is nothing to do.
-    """
+    """Let an interrupt end the process also while a library computes, from now on; for the main thread."""
     if not any(map(is_ending, signal.valid_signals())):
         return
     import threading
@@ -77,7 +72,8 @@ def _watch(reading: int) -> None:
             if is_ending(number):
                 time.sleep(GRACE)
                 # Where the handler has not run, and nothing has been begun that must be put in order
-                if _handled < came - GRACE and not _shielded and not _unwinding:
+                has_run = _handled is not None and _handled >= came - GRACE
+                if not (has_run or _shielded or _unwinding):
                     end_at_once(number)
 
 
@@ -99,10 +95,7 @@ def before_end(farewell: Callable[[], None]) -> None:
 
 
 def end_at_once(number: int) -> None:
-    """End the process as a signal does.
-
-    Nothing that is still in a buffer is written: whoever reads it may have stopped to.
-    """
+    """End the process as a signal does; what is in a buffer is lost, for who reads it may have stopped to."""
     for farewell in _at_end:
         farewell()
     for text in _final_messages:
@@ -208,10 +201,8 @@ def shielded(patience: float | None = None) -> Iterator[None]:
 
 @contextlib.contextmanager
 def window() -> Iterator[None]:
-    """Let an interrupt through inside a shielded block, one that was held back too: for work that may be broken off.
-
-    It is raised once. Whatever comes after it is held back again, while what has been begun is put in order.
-    """
+    """Let an interrupt through inside a shielded block, one that was held back too, once: for work that may be broken
+    off."""
     global _shielded, _is_window
     depth, _is_window, _shielded = _shielded, True, 0
     try:

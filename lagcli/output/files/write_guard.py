@@ -29,10 +29,8 @@ class BadRequest(Exception):
 
 @contextlib.contextmanager
 def writing(name: str) -> Iterator[None]:
-    """Take what fails inside as the writing of `name`. A closed pipe stays what it is. Raises `WriteError`.
-
-    An interrupt inside is an exception, so that what has been written aside is put in order.
-    """
+    """Take what fails inside as the writing of `name`, but for a closed pipe; an interrupt inside is an exception.
+    Raises `WriteError`."""
     try:
         with interrupts.unwinding():
             yield
@@ -57,11 +55,8 @@ IGNORING_CASE = ("win32", "darwin")  # platforms whose file systems usually take
 
 @frozen_value
 class File:
-    """A file with the option that names it.
-
-    is_written: or it is read; is_derived: the option does not name it but writes it too; number: the descriptor of a
-    stream of the shell, which has no name.
-    """
+    """A file with the option that names it, or, is_derived, writes it too. number: the descriptor of a stream of the
+    shell, which has no name."""
 
     option: str
     name: str
@@ -115,10 +110,8 @@ def _stream(option: str, which: TextIO | None, is_written: bool) -> Iterator[Fil
 
 
 def require_separate(files: Iterable[File], together: frozenset[str] = frozenset()) -> None:
-    """Refuse a file that is written under one option and read or written under another.
-
-    together: two options that may name one file. Raises `BadRequest`.
-    """
+    """Refuse a file that is written under one option and read or written under another, but for two options that may
+    name one file together. Raises `BadRequest`."""
     known: list[tuple[File, frozenset[object]]] = []
     for file in files:
         keys = file.keys
@@ -153,11 +146,8 @@ def require_outputs(model: str, output: str | None, plot: str | None, as_json: b
 def require(
     read: Iterable[tuple[str, str | None]], *written: tuple[str, str | None, tuple[str, ...]]
 ) -> None:
-    """Refuse files to write, of those that are given, whose names end in none of the formats beside them, that are
-    another file of these, or cannot be made.
-
-    read: options with their files; a MODEL may be standard input.
-    """
+    """Refuse files to write whose names end in none of the formats beside them, that are another file of these, or
+    cannot be made. read: options with their files; a MODEL may be standard input."""
     files = [(option, name, known) for option, name, known in written if name is not None]
     require_endings(*((name, known) for _, name, known in files))
     if files:
@@ -173,10 +163,8 @@ def require_writable(
     files: Iterable[File],
     together: frozenset[str] = frozenset(),
 ) -> None:
-    """Refuse files that are one, and those that cannot be made or replaced, before a long run and not after it.
-
-    together: two options that may name one file.
-    """
+    """Refuse files that are one, but for two options together, and those that cannot be made or replaced, before a long
+    run and not after it."""
     everything = (*model, *files, *stdout())
     require_separate(everything, together)
     for file in everything:

@@ -1,19 +1,19 @@
 """The rows of a sweep as they come, safe on the disk: a file that only grows at its end, a line a row.
 
-The first line says of which sweep it is. Every line begins with its checksum, so that one that a kill has torn is told
-from a whole one; rows stand in the order of their points, so that those that are missing are all behind them.
+The first line says of which sweep it is. Every line begins with its checksum, which tells one that a kill has torn;
+rows stand in the order of their points, so that those that are missing are all behind them.
 """
 
 from __future__ import annotations
 
 import errno
 import hashlib
+import io
 import json
 import os
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import BinaryIO
 
 from lagcli.output.files import atomic_file
 from lagcli.output.sweeps.sweep_table import PointRow
@@ -36,11 +36,8 @@ class UnfinishedSweep(UnfitJournal):
 
 
 class SweepJournal:
-    """Takes the rows of a sweep, which has a `FileLock` on its table. `count` of them are there already.
-
-    resume: go on after the rows of the same sweep; without it there must be none. Raises `UnfitJournal`,
-    `UnfinishedSweep`, OSError.
-    """
+    """Takes the rows of a sweep, which has a `FileLock` on its table; `count` of them are there already. resume: go on
+    after the rows of the same sweep. Raises `UnfitJournal`, `UnfinishedSweep`, OSError."""
 
     def __init__(self, path: Path, identity: Mapping[str, object], resume: bool) -> None:
         self.path, self.count = path, 0
@@ -55,13 +52,12 @@ class SweepJournal:
                     " to begin anew, remove the file"
                 )
             atomic_file.write(path, _line({"kind": KIND, **identity}))
-            self._file: BinaryIO = path.open("ab", buffering=0)
+            self._file: io.FileIO = path.open("ab", buffering=0)
             return
         other = _differing(first, identity)
         if other is not None:
-            what = {"sha256": "the text of the model", "points": "what the points are"}.get(
-                other, f"`{other}`"
-            )
+            words = {"sha256": "the text of the model", "points": "what the points are"}
+            what = words.get(other, f"`{other}`")
             raise UnfitJournal(f"{path} holds rows of a different sweep: {what} differs")
         with path.open("rb") as file:
             file.readline()
@@ -77,14 +73,8 @@ class SweepJournal:
 
     def write(self, rows: Sequence[PointRow]) -> None:
         """Append rows, at once: a kill of this process loses none of them."""
-        data = memoryview(
-            b"".join(
-                _line([row.number, row.point, row.results, row.status, row.message, row.t_end])
-                for row in rows
-            )
-        )
-        while data:
-            data = data[self._file.write(data) :]
+        lines = (_line([r.number, r.point, r.results, r.status, r.message, r.t_end]) for r in rows)
+        atomic_file.put(self._file, b"".join(lines))
         self.count += len(rows)
 
     def sync(self) -> None:
@@ -113,10 +103,8 @@ class SweepJournal:
         self.path.unlink(missing_ok=True)
 
     def end_with(self, table: Path) -> None:
-        """Leave in the place of the rows, which are in a complete table, what this table is. Raises OSError.
-
-        For tables that have no place to say it: whoever resumes the sweep finds that nothing is left to do.
-        """
+        """Leave in the place of the rows what the complete table is, where this has no place to say it: whoever resumes
+        the sweep finds that nothing is left to do. Raises OSError."""
         self._file.close()
         with self.path.open("rb") as file:
             header = file.readline()

@@ -34,7 +34,7 @@ NUMBER, STATUS, MESSAGE, END = "point", "status", "message", "t_end"
 SHARD, CHECKSUM = "shard_of", "checksum"
 ROWS_AT_ONCE = 4096  # rows that are turned into a block: some megabytes
 # Of each result: its middle, its middle half, and nine tenths of it.
-QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+PERCENTILES = (5, 25, 50, 75, 95)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -54,9 +54,9 @@ class PointRow:
 class PlannedRows:
     """The rows of a sweep, or of a shard of it, that are to be computed.
 
-    identity: the data that make two sweeps one, whatever computes them and in how many parts; names: of the numbers of
-    a point; results: the columns that are kept of a run; count: points of the whole sweep; part, parts: the shard,
-    every `parts`-th point from the `part`-th on, counted from 1.
+    identity: the data that make two sweeps one; names: of the numbers of a point; results: the columns that are kept of
+    a run; count: points of the whole sweep; part, parts: the shard, every `parts`-th point from the `part`-th on,
+    counted from 1.
     """
 
     identity: Mapping[str, object]
@@ -184,7 +184,7 @@ def rows(path: Path, table: ReadTable, names: int) -> list[PointRow]:
 @dataclasses.dataclass(frozen=True, slots=True)
 class Spread:
     """The distribution of a result over the points that are done: their number, mean, standard deviation (of a sample),
-    quantiles in the order of `QUANTILES`, least and largest."""
+    `PERCENTILES`, least and largest."""
 
     count: int
     mean: float
@@ -226,10 +226,10 @@ class SweepAccount:
     def take(self, rows: Sequence[PointRow]) -> None:
         """Count these rows."""
         for row in rows:
-            self.done += row.status == DONE
             self.stopped += row.status == STOPPED
             self.invalid += row.status == INVALID
             if row.status == DONE:
+                self.done += 1
                 for results, value in zip(self._values.values(), row.results, strict=False):
                     results.append(value)
 
@@ -241,7 +241,7 @@ class SweepAccount:
             values = values[~np.isnan(values)]
             if values.size:
                 sd = float(values.std(ddof=1)) if values.size > 1 else 0.0
-                quantiles = tuple(np.quantile(values, QUANTILES).tolist())
+                quantiles = tuple(np.percentile(values, PERCENTILES).tolist())
                 ends = float(values.min()), float(values.max())
                 found[name] = Spread(int(values.size), float(values.mean()), sd, quantiles, *ends)
         return found
@@ -258,8 +258,8 @@ class SweepAccount:
             times = "once" if self.lost == 1 else f"{self.lost} times"
             yield f"workers were ended by the system {times}; what they were computing has been computed again"
         for name, spread in self.spreads().items():
-            quantiles = zip(QUANTILES, spread.quantiles, strict=True)
-            quantile_text = ", ".join(f"{100 * q:g} %: {value:.6g}" for q, value in quantiles)
+            quantiles = zip(PERCENTILES, spread.quantiles, strict=True)
+            quantile_text = ", ".join(f"{percent} %: {value:.6g}" for percent, value in quantiles)
             yield f"{name}: mean {spread.mean:.6g}, standard deviation {spread.sd:.3g}; {quantile_text}"
 
     def as_json(self) -> dict[str, object]:
@@ -276,7 +276,9 @@ class SweepAccount:
                     "sd": spread.sd,
                     "min": spread.least,
                     "max": spread.largest,
-                    "quantiles": {f"{q:g}": x for q, x in zip(QUANTILES, spread.quantiles, strict=True)},
+                    "quantiles": {
+                        f"{p / 100:g}": x for p, x in zip(PERCENTILES, spread.quantiles, strict=True)
+                    },
                 }
                 for name, spread in self.spreads().items()
             }

@@ -1,5 +1,5 @@
-"""A sweep on its way into a file, as it was asked for: its rows as they come into a journal, and from there into the
-table; and tables of shards, merged into the table of the whole sweep."""
+"""A sweep on its way into a file: its rows come into a journal, and from there into the table; and tables of shards,
+merged into the table of the whole sweep."""
 
 from __future__ import annotations
 
@@ -85,25 +85,26 @@ class SweepRequest:
             raise BadRequest("standard input can be read once only: MODEL and --points are both -")
         if self.scheduler is not None and self.jobs != 1:
             raise BadRequest("--jobs and --scheduler both say who computes; give one of them")
-        if self.target is None:
-            if self.resume:
-                raise BadRequest("--resume goes on in the file of the sweep before: give it with -o FILE")
-            if self.as_json:
-                raise BadRequest("--json has standard output: give a file for the rows with -o FILE")
-        elif not self.is_dataset:
+        if self.target is None and self.resume:
+            raise BadRequest("--resume goes on in the file of the sweep before: give it with -o FILE")
+        self._require_stdout()
+        if self.target is not None and not self.is_dataset:
             write_guard.require_outputs(model, self.output, None, self.as_json)
             if points not in (None, "-"):
                 write_guard.require([("--points", points)], ("--output", self.target, formats.TABLES))
 
     def require_merge(self, paths: Iterable[str]) -> None:
         """Refuse what cannot be done with the tables of these shards."""
-        if self.target is None and self.as_json:
-            raise BadRequest("--json has standard output: give a file for the rows with -o FILE")
+        self._require_stdout()
         if self.target is None:
             return
         if self.is_dataset:
             raise BadRequest(f"--merge: {self.target} is a folder; the parts of a dataset need no merging")
         write_guard.require([("--merge", path) for path in paths], ("--output", self.target, formats.TABLES))
+
+    def _require_stdout(self) -> None:
+        if self.target is None and self.as_json:
+            raise BadRequest("--json has standard output: give a file for the rows with -o FILE")
 
 
 # A step on the way: the part of the points that is there, something to tell, and last the ending.
@@ -111,10 +112,8 @@ SweepStep: TypeAlias = float | str | SweepEnding
 
 
 class WrittenSweep:
-    """A sweep and the file of its rows, which are counted in `account`: iterate `steps` once.
-
-    compute: makes the rows of these points in their order, in parts that may be empty.
-    """
+    """A sweep and the file of its rows, which are counted in `account`: iterate `steps` once. compute: makes the rows
+    of these points in their order, in parts that may be empty."""
 
     def __init__(
         self,
@@ -128,8 +127,8 @@ class WrittenSweep:
     def steps(self) -> Iterator[float | str]:
         """Compute and write, where interrupts are held back; they break off only what computes rows.
 
-        Raises `BadRequest`, `WriteError`, `interrupts.Interrupted`, and what `compute` raises; the rows that there are
-        are safe then, where they go into a file.
+        Raises `BadRequest`, `WriteError`, `interrupts.Interrupted`, and what `compute` raises; rows in a file are safe
+        then.
         """
         if self._request.target is not None:
             yield from self._to_file()
@@ -260,11 +259,8 @@ def _is_silent(path: Path, planned: PlannedRows) -> bool:
 
 
 def _finished_rows(path: Path, planned: PlannedRows, digest: str) -> list[PointRow] | None:
-    """The rows of a file that this very sweep has written to its end, or None.
-
-    digest: of the file that it has ended with, where that is known. Raises OSError, and `BadRequest` where a file holds
-    all points and does not say whether their rows are of this sweep.
-    """
+    """The rows of a file that this very sweep has written to its end, or None; digest: of the file that it has ended
+    with, where that is known. Raises OSError, and `BadRequest` for all points of a sweep that nothing names."""
     if not path.is_file():
         return None
     is_silent = _is_silent(path, planned)
@@ -295,23 +291,8 @@ class BadShards(ValueError):
     """Tables that are not the shards of one sweep; the message says why."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class MergedRows:
-    """The rows of a whole sweep, in the order of its points, with the columns of their table.
-
-    has_checksums: every row was compared with its own, which shards of older versions have not.
-    """
-
-    columns: tuple[str, ...]
-    rows: list[PointRow]
-    has_checksums: bool
-
-
 def write_merged(paths: Sequence[str], request: SweepRequest) -> SweepEnding:
-    """Put the tables of shards together into the file of a request.
-
-    Raises `BadRequest`, and `write_guard.WriteError`, for a file of these too that a sweep is writing.
-    """
+    """Put the tables of shards together into the file of a request. Raises `BadRequest`, `write_guard.WriteError`."""
     request.require_merge(paths)
     with contextlib.ExitStack() as locks:
         for path in paths:
@@ -321,7 +302,7 @@ def write_merged(paths: Sequence[str], request: SweepRequest) -> SweepEnding:
             with write_guard.writing(request.target):
                 locks.enter_context(atomic_file.FileLock(Path(request.target)))
         try:
-            found = merged(paths)
+            columns, found, has_checksums = merged(paths)
         except FileNotFoundError as error:
             raise BadRequest(f"--merge: there is no file {error.filename}") from None
         except OSError as error:
@@ -330,20 +311,21 @@ def write_merged(paths: Sequence[str], request: SweepRequest) -> SweepEnding:
             raise BadRequest(f"--merge: {error}") from None
         with write_guard.writing(request.output or "standard output"), contextlib.ExitStack() as stack:
             target = sys.stdout.buffer if request.target is None else Path(request.target)
-            table = SweepTable(target, found.columns, None)
+            table = SweepTable(target, columns, None)
             stack.callback(table.sink.discard)
-            for rows in sweep_table.blocks(found.rows):
+            for rows in sweep_table.blocks(found):
                 table.write(rows)
             stack.pop_all()
-            table.sink.commit(durably=True, planned=len(found.rows))
+            table.sink.commit(durably=True, planned=len(found))
         account = SweepAccount([], False)
-        account.take(found.rows)
-        notes = () if found.has_checksums else (UNSEEN,)
+        account.take(found)
+        notes = () if has_checksums else (UNSEEN,)
         return SweepEnding(account.code, (*notes, account.sentence()), None)
 
 
-def merged(paths: Sequence[str]) -> MergedRows:
-    """The rows of all shards, whatever their order and their formats.
+def merged(paths: Sequence[str]) -> tuple[tuple[str, ...], list[PointRow], bool]:
+    """The columns and the rows of all shards, in the order of their points, and whether all rows have checksums, which
+    shards of older versions have not.
 
     Raises `BadShards`, `table_format.UnreadableTable`, `formats.UnknownFormat`, `MissingExtra`, OSError.
     """
@@ -374,7 +356,7 @@ def merged(paths: Sequence[str]) -> MergedRows:
         raise BadShards(
             f"{missing} of {total} points are missing: {listed}; have all shards run to their end?"
         )
-    return MergedRows(columns, [rows[number] for number in sorted(rows)], is_checked)
+    return columns, [rows[number] for number in sorted(rows)], is_checked
 
 
 def _read(path: str) -> tuple[tuple[str, ...], str, bool, list[PointRow]]:

@@ -79,11 +79,8 @@ def spliced(
 
 
 class BlockFile:
-    """``head``, then bytes appended block by block; of an interrupted block nothing stays in the file.
-
-    There is no buffer above the system's: a block is in the file when `append` returns, and to close it writes
-    nothing, so that it cannot wait for the reader of a pipe.
-    """
+    """``head``, then bytes appended block by block; of an interrupted block nothing stays in the file. There is no
+    buffer: to close it writes nothing, and cannot wait for the reader of a pipe."""
 
     def __init__(self, path: Path, head: bytes) -> None:
         self._file = open(path, "wb", buffering=0)  # noqa: SIM115 (closed by close or abandon)
@@ -96,10 +93,7 @@ class BlockFile:
         """Write one block after the last complete one."""
         self._restore()
         self._torn = True
-        rest = memoryview(block)
-        while rest:
-            # A nearly full disk may take a part; only the next call then tells why.
-            rest = rest[self._file.write(rest) :]
+        atomic_file.put(self._file, block)
         self._end += len(block)
         self._torn = False
 
@@ -174,11 +168,8 @@ class TextWriter:
 
 
 class BufferedRows:
-    """Copies of the rows of a table of ``width`` numbers, stored as blocks of some sixteen megabytes, with their texts.
-
-    A block has the shape (width, k), one contiguous line a column, and is good until ``store`` returns; of each of the
-    columns of text it has the k cells.
-    """
+    """Copies of rows of ``width`` numbers and of their texts, stored as blocks of some sixteen megabytes: (width, k),
+    one contiguous line a column, good until ``store`` returns, and k cells of each column of text."""
 
     def __init__(
         self, width: int, texts: int, store: Callable[[NDArray[np.float64], list[list[str]]], None]
@@ -202,11 +193,8 @@ class BufferedRows:
                 self.flush()
 
     def flush(self) -> None:
-        """Store what is left as one block, if there is anything.
-
-        The rows are forgotten first: where the receiver is interrupted, rows may miss at the end of a partial
-        file, but none can stand there twice.
-        """
+        """Store what is left as one block. The rows are forgotten first: after an interrupt rows may miss at the end of
+        a partial file, but none can stand there twice."""
         filled, self._filled = self._filled, 0
         if filled:
             texts = [column[:filled] for column in self._cells]

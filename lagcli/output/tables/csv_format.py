@@ -129,10 +129,8 @@ TSV = TableFormat(functools.partial(CsvWriter, delimiter="\t"), TsvTable)
 
 
 def plain_count(path: Path, separator: str, width: int) -> int | None:
-    """The number of rows below the header of a file with `width` columns, if it is plain as far as separators tell.
-
-    None where the number of separators is not that of the rows, and where there is a quote. Raises OSError.
-    """
+    """The number of rows below the header of a file with `width` columns, if it is plain as far as separators tell;
+    None for other numbers of them, and where there is a quote. Raises OSError."""
     separators = ends = 0
     last = b"\n"
     with path.open("rb") as file:

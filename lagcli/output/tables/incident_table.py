@@ -6,7 +6,6 @@ import functools
 import itertools
 import operator
 import os
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from typing import overload
 
@@ -29,11 +28,8 @@ IMPULSE, BEFORE, AFTER = "impulse.", "before.", "after."
 
 @frozen
 class IncidentColumns:
-    """The columns of the table of incidents of a model.
-
-    names: all of them; positions, velocities: numbers of the columns of `System.columns` that are positions or
-    coordinates, and their rates.
-    """
+    """The names of the columns of the table of incidents of a model; positions, velocities: the numbers of those of
+    `System.columns` that are positions or coordinates, and their rates."""
 
     names: tuple[str, ...]
     positions: list[int]
@@ -78,9 +74,8 @@ def columns(model: Model, columns: Sequence[str]) -> IncidentColumns:
 class IncidentRow:
     """An incident of `run.events`, by the names of constraints, positions and velocities.
 
-    kind: impact, contact, release, accumulation, event or crossing; name: of the constraint or event; impulses: of
-    every constraint at that instant, in units of lambda times time; at: positions and coordinates; before, after:
-    velocities and rates.
+    kind: one of `KINDS`; name: of the constraint or event; impulses: of every constraint at that instant, in units of
+    lambda times time; at: positions and coordinates; before, after: velocities and rates.
     """
 
     t: float
@@ -93,9 +88,8 @@ class IncidentRow:
 
     def __repr__(self) -> str:
         pushed = ", ".join(f"{name}: {value:.6g}" for name, value in self.impulses.items() if value)
-        return (
-            f"<{self.kind} of {self.name} at t = {self.t:.9g}{f', impulses {{{pushed}}}' if pushed else ''}>"
-        )
+        impulses = f", impulses {{{pushed}}}" if pushed else ""
+        return f"<{self.kind} of {self.name} at t = {self.t:.9g}{impulses}>"
 
 
 class IncidentTable(Sequence[IncidentRow]):
@@ -118,11 +112,16 @@ class IncidentTable(Sequence[IncidentRow]):
     @overload
     def __getitem__(self, key: slice) -> IncidentTable: ...
     def __getitem__(self, key: str | int | slice) -> Column | IncidentRow | IncidentTable:
-        if isinstance(key, str):
-            return self._column(key)
         if isinstance(key, slice):
             return IncidentTable(self.columns, self.kinds[key], self.names[key], self.numbers[key])
-        return self._row(range(len(self))[operator.index(key)])
+        if not isinstance(key, str):
+            return self._row(range(len(self))[operator.index(key)])
+        if key in TEXTS:
+            return np.array(self.kinds if key == "kind" else self.names, dtype=np.str_)
+        if key not in self._indices:
+            hint = diagnostics.nearest(key, self.columns)
+            raise KeyError(f"there is no column `{key}`" + (f"; {hint}" if hint else ""))
+        return self.numbers[:, self._indices[key]]
 
     def __len__(self) -> int:
         return len(self.kinds)
@@ -136,9 +135,7 @@ class IncidentTable(Sequence[IncidentRow]):
     def __repr__(self) -> str:
         if not len(self):
             return "<IncidentTable: no incidents>"
-        order: dict[str, int] = {kind: number for number, kind in enumerate(KINDS)}
-        found = sorted(Counter(self.kinds).items(), key=lambda item: order.get(item[0], len(order)))
-        counts = ", ".join(f"{n} {kind}" for kind, n in found)
+        counts = ", ".join(f"{n} {kind}" for kind in KINDS if (n := self.kinds.count(kind)))
         first, last = self.numbers[0, 0], self.numbers[-1, 0]
         return f"<IncidentTable: {counts}; t = {first:.9g} to {last:.9g}>"
 
@@ -148,11 +145,11 @@ class IncidentTable(Sequence[IncidentRow]):
 
     def values(self) -> Iterator[Column]:
         """The columns (k,)."""
-        return map(self._column, self.columns)
+        return (self[name] for name in self.columns)
 
     def items(self) -> Iterator[tuple[str, Column]]:
         """The columns with their names."""
-        return zip(self.columns, self.values(), strict=True)
+        return ((name, self[name]) for name in self.columns)
 
     @property
     def t(self) -> Floats:
@@ -182,34 +179,18 @@ class IncidentTable(Sequence[IncidentRow]):
 
     @functools.cached_property
     def _prefixes(self) -> list[str]:
-        """The prefix of each column of numbers by its index: a particle may be called `before`.
-
-        As many velocities as positions stand after them, twice; of what another program has added there is none.
-        """
+        """The prefix of each column of numbers by its index: a particle may be called `before`. As many velocities as
+        positions stand after them, twice; of what another program has added there is none."""
         names = list(self._indices)
         end = max((i for i, name in enumerate(names, start=1) if name.startswith(AFTER)), default=0)
         n = sum(1 for _ in itertools.takewhile(lambda name: name.startswith(AFTER), reversed(names[:end])))
         before, at = end - 2 * n, end - 3 * n
-        found = [
-            "",
-            *[IMPULSE] * (at - 1),
-            *[""] * n,
-            *[BEFORE] * n,
-            *[AFTER] * n,
-            *[""] * (len(names) - end),
-        ]
+        runs = ("", 1), (IMPULSE, at - 1), ("", n), (BEFORE, n), (AFTER, n), ("", len(names) - end)
+        found = [prefix for prefix, count in runs for _ in range(count)]
         if len(found) == len(names) and all(map(str.startswith, names[before:end], found[before:end])):
             return found
         parts = (IMPULSE, BEFORE, AFTER, "")
         return [next(part for part in parts if name.startswith(part)) for name in names]
-
-    def _column(self, name: str) -> Column:
-        if name in TEXTS:
-            return np.array(self.kinds if name == "kind" else self.names, dtype=np.str_)
-        if name not in self._indices:
-            hint = diagnostics.nearest(name, self.columns)
-            raise KeyError(f"there is no column `{name}`" + (f"; {hint}" if hint else ""))
-        return self.numbers[:, self._indices[name]]
 
     def _row(self, number: int) -> IncidentRow:
         values = self.numbers[number]
@@ -233,43 +214,38 @@ NONE = IncidentTable(HEAD, (), (), np.zeros((0, 1)))
 
 
 def read(path: str | os.PathLike[str]) -> IncidentTable:
-    """The incidents in a file: `t`, `kind`, `name` and columns of numbers, which may be any.
-
-    Raises what `table_format.opened` raises, and `UnreadableTable` where one of those three is missing, a kind is none,
-    and where times are no numbers or go back.
-    """
+    """The incidents in a file: `t`, `kind`, `name` and any columns of numbers. Raises what `table_format.opened`
+    raises, and `UnreadableTable` for other columns, other kinds, and times that are no numbers or go back."""
     from lagcli.output.tables import table_format
-    from lagcli.output.tables.table_format import SHOWN, UnreadableTable
+
+    def bad(reason: str) -> table_format.UnreadableTable:
+        return table_format.UnreadableTable(f"{path} is no table of events: {reason}")
 
     table = table_format.opened(path)
     missing = [name for name in HEAD if name not in table.columns]
     if missing:
-        raise UnreadableTable(f"{path} is no table of events: it has no column `{missing[0]}`")
+        raise bad(f"it has no column `{missing[0]}`")
     numbers = ["t", *(name for name in table.columns if name not in HEAD)]
     values = table.take(numbers)
     kinds, names = table.words("kind"), table.words("name")
     if not len(kinds) == len(names) == len(values):
-        raise UnreadableTable(f"{path} is no table of events: its columns have different lengths")
+        raise bad("its columns have different lengths")
     for row, kind in enumerate(kinds, 1):
         if kind not in KINDS:
-            raise UnreadableTable(
-                f"{path} is no table of events: row {row} is of the kind {kind[:SHOWN]!r}; the kinds are"
-                f" {', '.join(KINDS)}"
-            )
+            shown = kind[: table_format.SHOWN]
+            raise bad(f"row {row} is of the kind {shown!r}; the kinds are {', '.join(KINDS)}")
     t = values[:, 0]
-    bad = np.flatnonzero(~np.isfinite(t) | (np.diff(t, prepend=t[:1]) < 0))
-    if bad.size:
-        raise UnreadableTable(
-            f"{path} is no table of events: the time in row {bad[0] + 1} is before that of the row above, or no number"
-        )
+    back = np.flatnonzero(~np.isfinite(t) | (np.diff(t, prepend=t[:1]) < 0))
+    if back.size:
+        raise bad(f"the time in row {back[0] + 1} is before that of the row above, or no number")
     return IncidentTable((*HEAD, *numbers[1:]), kinds, names, values)
 
 
 def with_event_rows(rows: Floats, incidents: Sequence[Incident]) -> Floats:
     """Rows (k, columns) with two more for each instant, before and after, ahead of a row of the grid at that time.
 
-    incidents: in the order of time, those of one instant next to each other. Columns beyond their lines
-    are nan. A row within the rounding of an instant that has the state after it stands behind, at one time with it.
+    incidents: in the order of time. Columns beyond their lines are nan. A row within the rounding of an instant that
+    has the state after it stands behind, at one time with it.
     """
     if not incidents:
         return rows

@@ -12,16 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from lagcli.output.tables import cell_text, table_format
-from lagcli.output.tables.table_format import (
-    SHOWN,
-    CheckSize,
-    Floats,
-    TableFormat,
-    TableHead,
-    Texts,
-    UnreadableTable,
-    bad,
-)
+from lagcli.output.tables.table_format import SHOWN, CheckSize, Floats, TableFormat, TableHead, Texts, bad
 
 MOST_JSON = 1 << 26  # bytes: a parsed file is up to 27 times as large (empty lists), 1.8 GB
 
@@ -55,7 +46,7 @@ class JsonTable(table_format.CellTable):
         with path.open("rb") as file:
             text = file.read(MOST_JSON + 1)
         if len(text) > MOST_JSON:
-            raise UnreadableTable(
+            raise table_format.UnreadableTable(
                 f"{path} is too large: a table in JSON may have {MOST_JSON >> 20} MiB (parsed, it is many times larger"
                 " in memory); write .npz, .parquet or .csv"
             )

@@ -1,9 +1,8 @@
 """Tables as NPZ: a zip archive with one array per column name, for ``numpy.load(..., allow_pickle=False)``.
 
-A column can only be written when all its rows are there, so the rows wait, column by column within each
-block, in a temporary file (in memory while they are few). ``numpy.savez`` is not used: it holds the whole
-table, and it cannot write a column called ``file``. The comment of the archive holds the provenance: another array
-would look like a column.
+A column can only be written when all its rows are there, so blocks of them wait in a temporary file (in memory while
+they are few). ``numpy.savez`` holds the whole table, and cannot write a column called ``file``. The comment of the
+archive holds the provenance: another array would look like a column.
 """
 
 from __future__ import annotations
@@ -21,18 +20,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lagcli.output.tables import cell_text
-from lagcli.output.tables.table_format import (
-    SHOWN,
-    CheckSize,
-    Floats,
-    TableFormat,
-    TableHead,
-    Texts,
-    UnreadableTable,
-    bad,
-    parsed_provenance,
-)
+from lagcli.output.tables import cell_text, table_format
+from lagcli.output.tables.table_format import SHOWN, CheckSize, Floats, TableFormat, TableHead, Texts, bad
 
 _BYTES_IN_MEMORY = 1 << 23  # of rows that wait, before a file is made for them
 _MOST_COMMENT = 65_535  # bytes; the format of zip archives has no room for more
@@ -108,14 +97,14 @@ class NpzTable:
         with self._archive() as archive:
             self._members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
             self.columns = tuple(info.filename.removesuffix(".npy") for info in archive.infolist())
-            self.provenance = parsed_provenance(archive.comment)
+            self.provenance = table_format.parsed_provenance(archive.comment)
 
     @functools.cached_property
     def length(self) -> int | None:
         with self._archive() as archive:
             try:
                 return self._header(archive, self.columns[0])[1] if self.columns else 0
-            except UnreadableTable:
+            except table_format.UnreadableTable:
                 return None
 
     def take(self, names: Sequence[str]) -> Floats:

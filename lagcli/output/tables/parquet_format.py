@@ -10,17 +10,8 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet
 
-from lagcli.output.tables import cell_text
-from lagcli.output.tables.table_format import (
-    CheckSize,
-    Floats,
-    TableFormat,
-    TableHead,
-    Texts,
-    as_text,
-    bad,
-    parsed_provenance,
-)
+from lagcli.output.tables import cell_text, table_format
+from lagcli.output.tables.table_format import CheckSize, Floats, TableFormat, TableHead, Texts, as_text, bad
 
 _BATCH = 1 << 15  # rows read at a time
 
@@ -71,7 +62,8 @@ class ParquetTable:
         with self._opened() as file:
             fields = [(field.name, field.type) for field in file.schema_arrow]
             self.length: int = file.metadata.num_rows
-            self.provenance = parsed_provenance((file.schema_arrow.metadata or {}).get(b"provenance"))
+            metadata = file.schema_arrow.metadata or {}
+            self.provenance = table_format.parsed_provenance(metadata.get(b"provenance"))
         self.columns = tuple(name for name, _ in fields)
         plain = (pyarrow.types.is_floating, pyarrow.types.is_integer)
         # The types of the columns that hold no plain numbers.

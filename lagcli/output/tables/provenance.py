@@ -16,11 +16,8 @@ MOST_POWER = 99  # of a length: more is no dimension
 
 @frozen_value
 class TableFacts:
-    """The facts behind the columns of a table.
-
-    units: None where the labels of the model are not known; zeros: columns that are zero to rounding, in a run whose
-    forces are known; is_judged: True where they have been looked for.
-    """
+    """The facts behind the columns of a table. units: None where the labels of the model are not known; zeros: columns
+    that are zero to rounding; is_judged: these have been looked for."""
 
     title: str = ""
     units: Units | None = None
@@ -84,9 +81,8 @@ def _names(entries: object) -> frozenset[str]:
 class Provenance:
     """The origin of a table; equal runs have equal ones.
 
-    version: of lagcli; sha256: of the bytes of the model file; parameters: all values; set: the changes of `--set`
-    as they were given; method, rtol, atol: of the run, atol None where it follows the sizes of the motion; facts:
-    title, units and dimensions of the model.
+    sha256: of the bytes of the model file; parameters: all values; set: the changes of `--set` as they were given;
+    atol: None where it follows the sizes of the motion.
     """
 
     version: str

@@ -1,8 +1,7 @@
 """The rows of a run that a checkpoint has passed, safe on the disk whatever happens to the run.
 
-A NumPy file of one array with a field for each column, ``numpy.load(path)["t"]``, that grows at its end: a table in a
-format that is written by columns, or that needs an end, cannot be read before it is complete. The cost of a
-checkpoint does not grow with the rows before it.
+A NumPy file of one array with a field for each column, ``numpy.load(path)["t"]``, grows at its end, where tables of
+other formats cannot be read before they are complete. The cost of a checkpoint does not grow with the rows before it.
 """
 
 import dataclasses
@@ -98,17 +97,12 @@ class RowFile:
 
     def _put(self, offset: int, data: bytes) -> None:
         self._file.seek(offset)
-        rest = memoryview(data)
-        while rest:
-            rest = rest[self._file.write(rest) :]
+        atomic_file.put(self._file, data)
 
 
 def read(path: Path, columns: Sequence[str], rows: SafeRows) -> Generator[NDArray[np.float64], None, None]:
-    """The first rows of a file, in blocks (k, columns).
-
-    Raises `UnfitRows`, before the first block where the file has other columns or less rows and after the last where
-    their checksum is another; OSError.
-    """
+    """The first rows of a file, in blocks (k, columns). Raises `UnfitRows`, before the first block where the file has
+    other columns or less rows and after the last for another checksum; OSError."""
     with path.open("rb") as file:
         # Read the header, which must be the one that would be written
         expected = _header(columns, 0)

@@ -104,13 +104,10 @@ def open_sink(
 ) -> Sink:
     """A sink for the table with the names ``columns``; those in ``texts`` hold text, the others numbers.
 
-    ``target`` is a path, whose ending picks the format, or an open stream, which gets CSV, flushed after every block. A
-    file is written aside and moved into place.
-    ``provenance``: where the table comes from, for the formats that have a place for it (all but CSV): the key
-    ``provenance`` of JSON and of the metadata of a Parquet schema, the comment of the zip archive of NPZ.
-
-    Raises ``formats.UnknownFormat``, ``table_format.MissingExtra``, ValueError for two equal names, and OSError
-    where the file cannot be made. Nothing has been written then.
+    ``target`` is a path, whose ending picks the format, or an open stream, which gets CSV. ``provenance``: where the
+    table comes from, for the formats that have a place for it: the key ``provenance`` of JSON and of the metadata of a
+    Parquet schema, the comment of the zip archive of NPZ. Raises ``formats.UnknownFormat``, ``MissingExtra``,
+    ValueError for two equal names, and OSError; nothing has been written then.
     """
     if len(set(columns)) < len(columns):
         raise ValueError("two columns of one name")

@@ -193,11 +193,8 @@ UNREADABLE = (formats.UnknownFormat, MissingExtra, UnreadableTable)
 
 
 def opened(path: str | os.PathLike[str], most: int | None = None) -> ReadTable:
-    """A table of which the names are known; nothing else of it is in memory, but of a JSON file.
-
-    most: numbers that may be read at a time, MOST_NUMBERS where nothing is said.
-    Raises ``formats.UnknownFormat``, ``MissingExtra``, ``UnreadableTable``, OSError.
-    """
+    """A table of which the names are known; nothing else of it is in memory, but of a JSON file. most: numbers that may
+    be read at a time. Raises ``formats.UnknownFormat``, ``MissingExtra``, ``UnreadableTable``, OSError."""
     target, allowed = Path(path), MOST_NUMBERS if most is None else most
 
     def check_size(path: Path, rows: int, columns: int) -> None:
@@ -236,12 +233,12 @@ class UnknownColumn(ValueError):
 
 
 def select(columns: Sequence[str], patterns: str, by_name: Sequence[str] = ()) -> list[int]:
-    """Indices into ``columns`` of the names that the comma-separated ``patterns`` choose.
+    """Indices into ``columns`` of the names that the comma-separated ``patterns`` choose, each once, in the order of
+    the patterns.
 
-    ``*`` stands for any text and ``?`` for one character; everything else, square brackets too, stands for
-    itself. The order is that of the patterns, then of the table; a column is listed once. ``by_name``: columns
-    after all others that ``*`` alone leaves out, such as ``Q.theta``: a pattern must begin with their first word
-    and its dot. Raises ``UnknownColumn`` for the first pattern without a match.
+    ``*`` stands for any text and ``?`` for one character, all else for itself. ``by_name``: columns after all others
+    that ``*`` alone leaves out, such as ``Q.theta``: a pattern must begin with their first word and its dot. Raises
+    ``UnknownColumn`` for the first pattern without a match.
     """
     chosen: dict[int, None] = {}
     everything = (*columns, *by_name)
