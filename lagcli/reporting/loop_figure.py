@@ -37,9 +37,8 @@ def compose(found: witness.Witness) -> figure.Figure:
             right.plot(moves, values, color=RED, linewidth=1.4)
             _gap(right, moves[-1], values[0], values[-1], found.amount)
             right.axhline(values[0], color=GREY, linewidth=0.6, linestyle=(0, (3, 3)))
-            right.set_xticks(
-                np.arange(len(path.corners) - 1) + 0.5, [f"{k + 1}" for k in range(len(path.corners) - 1)]
-            )
+            edges = np.arange(len(path.corners) - 1)
+            right.set_xticks(edges + 0.5, [f"{k + 1}" for k in edges])
             right.set_xlabel("move", fontsize=9)
             right.set_ylabel(labels.shortened(found.coordinate, labels.NAME), fontsize=9)
         for plot in (left, right):
@@ -69,17 +68,15 @@ def _loop(plot: axes.Axes, found: witness.Witness) -> None:
         a, b = before[[i, j]], after[[i, j]]
         if np.abs(b - a).max() < 1e-9:
             continue
-        middle = path.points[(2 * number - 1) * (len(path.points) - 1) // (2 * (len(path.corners) - 1))][
-            [i, j]
-        ]
+        halfway = (2 * number - 1) * (len(path.points) - 1) // (2 * (len(path.corners) - 1))
+        middle = path.points[halfway, [i, j]]
         plot.annotate("", xy=middle + 0.02 * (b - a), xytext=middle - 0.02 * (b - a),
                       arrowprops={"arrowstyle": "-|>", "color": BLUE})  # fmt: skip
         # Moves along the same line are numbered beside each other.
         beside = sum(np.abs((middle - other) / extent).max() < NEAR for other in seen)
         seen.append(middle)
-        plot.annotate(
-            f"{number}", xy=middle, xytext=(5 + 10 * beside, 4), textcoords="offset points", fontsize=8
-        )
+        offset = (5 + 10 * beside, 4)
+        plot.annotate(f"{number}", tuple(middle), offset, textcoords="offset points", fontsize=8)
     plot.plot(*path.corners[0][[i, j]], "o", color=INK, markersize=4)
     plot.set_xlabel(labels.shortened(found.names[i], labels.NAME), fontsize=9)
     plot.set_ylabel(labels.shortened(found.names[j], labels.NAME), fontsize=9)
@@ -100,12 +97,5 @@ def _times(plot: axes.Axes, found: witness.Witness, index: int) -> None:
 def _gap(plot: axes.Axes, x: float, low: float, high: float, amount: float) -> None:
     plot.annotate("", xy=(x, high), xytext=(x, low), arrowprops={"arrowstyle": "<->", "color": INK})
     text = f"{amount:.6g}".replace("-", "−")
-    plot.annotate(
-        text,
-        xy=(x, (low + high) / 2),
-        xytext=(-5, 0),
-        textcoords="offset points",
-        ha="right",
-        bbox=WHITE,
-        fontsize=9,
-    )
+    middle = (x, (low + high) / 2)
+    plot.annotate(text, middle, (-5, 0), textcoords="offset points", ha="right", bbox=WHITE, fontsize=9)

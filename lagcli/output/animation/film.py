@@ -21,7 +21,7 @@ from lagcli.output.files import atomic_file
 
 Floats = npt.NDArray[np.float64]
 
-RATES = {"gif": 25.0, "mp4": 30.0}  # pictures a second at most
+RATES = {"gif": 25, "mp4": 30}  # pictures a second at most
 WIDTH, HEIGHT, DPI = 8.0, 4.5, 120  # inches; 960 by 540 pixels, an even number of each for MP4
 MOST_PICTURES = 1500  # a minute at 25 a second
 INK, GREY, REACTION, FORCE = "#1a1d21", "#6c7885", "#b3470a", "#007a5a"

@@ -17,7 +17,7 @@ from lagcli import doubles
 Floats = npt.NDArray[np.float64]
 # Seconds on the clock of who watches: a run whose time is in seconds and lasts no longer than `WATCHABLE` keeps its own
 # time if it lasts `SHORT` at least, any other is shown within `SHOWN`.
-SHORT, WATCHABLE, SHOWN = 2.0, 40.0, 10.0
+SHORT, WATCHABLE, SHOWN = 2, 40, 10
 # A part of the size or length: what is off by more in a table is no rod there, or not on a surface.
 # `tests/unit/test_drawing_thresholds.py::test_a_rod_that_is_off_its_length_is_not_drawn` fails at 1e-4 and 1e-6,
 # `test_a_plane_far_from_its_particle_is_not_drawn` too.

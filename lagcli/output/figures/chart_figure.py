@@ -222,10 +222,8 @@ def _axes(frame: _Frame, marks: Sequence[IncidentMarks], is_named: bool) -> figu
         _put_curves(plot, panel, marks)
         if panel.is_family:
             bar = page.axes(frame.left + width + 0.15, top + 0.06, 0.12, high)
-            extent = (0.0, 1.0, len(frame.names) - 0.5, -0.5)
-            bar.imshow(
-                np.linspace(0, 1, 256)[:, None], cmap=figure_page.shades(), aspect="auto", extent=extent
-            )
+            extent, colours = (0.0, 1.0, len(frame.names) - 0.5, -0.5), np.linspace(0, 1, 256)[:, None]
+            bar.imshow(colours, cmap=figure_page.shades(), aspect="auto", extent=extent)
             bar.set_xticks([])
             bar.yaxis.tick_right()
             bar.set_yticks(frame.named, [frame.names[index] for index in frame.named], fontsize=SMALL)
@@ -241,17 +239,9 @@ def _put_curves(plot: axes.Axes, panel: ChartPanel, marks: Sequence[IncidentMark
     """The curves of a panel on its axes, behind them the marks of incidents, before them their points in a plane."""
     if panel.shape == "time":
         for mark in marks:  # from the lower edge of the axes to the upper one
-            look = figure_page.mark_look(mark)
-            plot.vlines(
-                mark.times,
-                0.0,
-                1.0,
-                transform=plot.get_xaxis_transform(),
-                colors=look["color"],
-                linestyles=look["linestyle"],
-                linewidths=0.3 if mark.is_dense else 0.7,
-                zorder=0.5,
-            )
+            look, width = figure_page.mark_look(mark), 0.3 if mark.is_dense else 0.7
+            marked = plot.vlines(mark.times, 0.0, 1.0, look["color"], look["linestyle"], linewidths=width)
+            marked.set(transform=plot.get_xaxis_transform(), zorder=0.5)
     if panel.is_family:
         shade = figure_page.shades()(np.linspace(0, 1, len(panel.curves)))
         paths = [np.column_stack([curve.x, curve.y]) for curve in panel.curves]

@@ -112,20 +112,19 @@ def of_stream(stream: BinaryIO, name: str) -> Iterator[ChartTable]:
         with path.open("wb") as file:
             shutil.copyfileobj(stream, file)
 
-        def as_bad_table(error: UnreadableTable) -> UnreadableTable:
-            return UnreadableTable(str(error).replace(os.fspath(path), name))
-
-        try:
-            table = of_file(path)
-        except UnreadableTable as error:
-            raise as_bad_table(error) from None
+        @contextlib.contextmanager
+        def named() -> Iterator[None]:
+            try:
+                yield
+            except UnreadableTable as error:
+                raise UnreadableTable(str(error).replace(os.fspath(path), name)) from None
 
         def take(names: Sequence[str]) -> Floats:
-            try:
+            with named():
                 return table.take(names)
-            except UnreadableTable as error:
-                raise as_bad_table(error) from None
 
+        with named():
+            table = of_file(path)
         yield dataclasses.replace(table, name=name, take=take)
 
 

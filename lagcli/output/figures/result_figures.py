@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -102,14 +103,12 @@ def _particles(plot: axes.Axes, coordinates: Sequence[str], shape: NDArray[np.co
     names = [name[:-2] for name in coordinates[::3]]
     numbers = np.arange(1, len(names) + 1)
     mark = "o" if len(names) <= 40 else None
-    for axis_number, colour in enumerate((BLUE, RED, GREEN)):
-        own = shape[axis_number::3]
+    for number, (axis_name, colour) in enumerate(zip("xyz", (BLUE, RED, GREEN), strict=True)):
+        own = shape[number::3]
         for part, style in ((own.real, "-"), (own.imag, (0, (3, 2)))):
             if np.any(part):
-                plot.plot(
-                    numbers, part, color=colour, linestyle=style, marker=mark, markersize=2.5, linewidth=1.2,
-                    label="xyz"[axis_number],
-                )  # fmt: skip
+                (line,) = plot.plot(numbers, part, color=colour, linestyle=style, label=axis_name)
+                line.set(marker=mark, markersize=2.5, linewidth=1.2)
     if len(names) <= MOST_BARS:
         plot.set_xticks(numbers, [labels.shortened(name, 10) for name in names], fontsize=6)
     plot.set_xlim(0.5, len(names) + 0.5)
@@ -187,9 +186,8 @@ def limit(curves: LimitCurves, title: str, unit: str = "s") -> figure.Figure:
         panel.set_xlabel("1/k", fontsize=8)
         found = curves.errors[(curves.errors > 0).all(axis=1)]
         if not len(found):
-            panel.text(
-                0.5, 0.5, "no error above rounding", ha="center", fontsize=8, transform=panel.transAxes
-            )
+            words = "no error above rounding"
+            panel.text(0.5, 0.5, words, ha="center", fontsize=8, transform=panel.transAxes)
             return drawn
         panel.set_xscale("log")
         panel.set_yscale("log")
@@ -250,11 +248,8 @@ def motions(
             panel = panels[len(names)]
             short = [labels.shortened(name.removeprefix("mu."), labels.NAME) for name in mu]
             colours = figure_page.COLOURS[2:]
-            for index, name in enumerate(mu):
-                colour = colours[index % len(colours)]
-                panel.plot(
-                    second.rows[:, 0], second.of(name), color=colour, linewidth=1.0, label=short[index]
-                )
+            for name, label, colour in zip(mu, short, itertools.cycle(colours), strict=False):
+                panel.plot(second.rows[:, 0], second.of(name), color=colour, linewidth=1.0, label=label)
             panel.set_title("μ of the rows" if len(mu) > 1 else f"μ of {short[0]}", fontsize=8, loc="left")
             if 1 < len(mu) <= len(colours):
                 panel.legend(fontsize=7, frameon=False)

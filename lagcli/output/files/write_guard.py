@@ -1,7 +1,5 @@
-"""Failures to write a file, reported with its name, and files that are refused before any work.
-
-Those that are asked for are of a known format, can be made or replaced, and none of them is another one.
-"""
+"""Failures to write a file, reported with its name, and files that are refused before any work: those of no known
+format, those that cannot be made or replaced, and those that are one."""
 
 from __future__ import annotations
 
@@ -65,11 +63,6 @@ class File:
     number: int | None = None
 
     @property
-    def option_text(self) -> str:
-        """The begin of a message about it."""
-        return f"{self.option}, which writes {self.name}" if self.is_derived else f"{self.option} {self.name}"
-
-    @property
     def keys(self) -> frozenset[object]:
         """The keys it shares with the same file under another name: by links of both kinds, or as a stream."""
         found: set[object] = set()
@@ -120,8 +113,9 @@ def require_separate(files: Iterable[File], together: frozenset[str] = frozenset
                 continue
             if {file.option, other.option} <= together:
                 continue
+            what = f"{file.option}{', which writes' if file.is_derived else ''} {file.name}"
             whose = "also written by" if other.is_derived else "the file of"
-            raise BadRequest(f"{file.option_text}: that is {whose} {other.option}")
+            raise BadRequest(f"{what}: that is {whose} {other.option}")
         known.append((file, keys))
 
 
@@ -159,9 +153,7 @@ def require(
 
 
 def require_writable(
-    model: Iterable[File],
-    files: Iterable[File],
-    together: frozenset[str] = frozenset(),
+    model: Iterable[File], files: Iterable[File], together: frozenset[str] = frozenset()
 ) -> None:
     """Refuse files that are one, but for two options together, and those that cannot be made or replaced, before a long
     run and not after it."""

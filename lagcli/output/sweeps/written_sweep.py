@@ -23,7 +23,7 @@ from lagcli.output.sweeps.sweep_table import PlannedRows, PointRow, SweepAccount
 from lagcli.output.tables import table_format
 from lagcli.output.tables.sinks import Sink
 
-SYNC = 1.0  # seconds between times that rows are put on the disk for power cuts
+SYNC = 1  # seconds between times that rows are put on the disk for power cuts
 MOST_LISTED = 5  # points that are named one by one
 UNSEEN = "note: these tables have no column `checksum`: a digit that was changed in them is not seen"
 
