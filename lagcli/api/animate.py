@@ -18,7 +18,7 @@ from lagcli.linearization.linear_modes import Modes
 from lagcli.model.model import Model
 from lagcli.output.animation import builder, links, page, scene
 from lagcli.output.animation.builder import Motion, NothingToShow, PointTracks
-from lagcli.output.animation.scene import Mode, Scene, TimeCurve
+from lagcli.output.animation.scene import Mode, Scene
 from lagcli.output.figures import labels
 from lagcli.running import table_columns
 from lagcli.running.trajectory import SimulationStopped
@@ -155,11 +155,12 @@ def _scene(
     else:
         found = builder.of_coordinates(model.generalized_names, table)
     notes = [found.note] if found.note else []
-    lam = {name: values for name, values in table.items() if name.startswith("lambda.")}
-    sizes = {name: -float(np.nan_to_num(np.abs(values)).max(initial=0.0)) for name, values in lam.items()}
-    shown = set(sorted(sizes, key=sizes.__getitem__)[:MOST_CURVES])
-    if len(lam) > MOST_CURVES:
-        notes.append(f"the {MOST_CURVES} largest of {len(lam)} multipliers are shown")
+    multipliers = {
+        name.removeprefix("lambda."): values for name, values in table.items() if name.startswith("lambda.")
+    }
+    shown = scene.largest(multipliers, MOST_CURVES)
+    if len(multipliers) > MOST_CURVES:
+        notes.append(f"the {MOST_CURVES} largest of {len(multipliers)} multipliers are shown")
     R = found.reactions(table) if parts["R"] else None
     if model is not None and drawn is None:
         notes += builder.unseen(model, set())
@@ -169,7 +170,7 @@ def _scene(
         particles=found.track,
         R=None if R is None else np.nan_to_num(R),
         F=forces(drawn, table) if drawn is not None and parts["F"] else None,
-        curves=tuple(TimeCurve(name.removeprefix("lambda."), lam[name]) for name in lam if name in shown),
+        curves={name: values for name, values in multipliers.items() if name in shown},
         notes=tuple(notes),
         guide_lines=found.guide_lines,
         ties=tuple(ties(drawn)) if drawn is not None else (),

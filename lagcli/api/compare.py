@@ -319,17 +319,17 @@ def compare_to_files(
             # matplotlib takes a third of a second to load: only where a figure is asked for.
             from lagcli.output.figures import figure_page, result_figures
 
-            tables = (
-                result_figures.MotionTable("d'Alembert", first.columns, first.table),
-                result_figures.MotionTable("vakonomic", vakonomic.columns, vakonomic.table),
-            )
+            tables = {
+                name: dict(zip(run.columns, run.table.T, strict=True))
+                for name, run in (("d'Alembert", first), ("vakonomic", vakonomic))
+            }
             # Positions in the order of the table, those that differ most of all where they are many.
             kinds = comparison.kinds(model, first.columns)
             shown = [name for name, kind in kinds.items() if kind == "r" and name in vakonomic.columns]
             count = min(len(first.table), len(vakonomic.table))
 
             def gap(name: str) -> float:
-                one, two = (run.table[:count, run.columns.index(name)] for run in (first, vakonomic))
+                one, two = (table[name][:count] for table in tables.values())
                 return float(np.abs(one - two).max(initial=0.0))
 
             most = set(sorted(shown, key=gap, reverse=True)[: result_figures.MOST_COLUMNS])

@@ -164,7 +164,7 @@ simulation: {start: 1e9*T, duration: T, samples: 11}
     np.testing.assert_allclose(np.diff(part(data["t"])), 1e-21, rtol=1e-5)
     curve = data["curves"][0]
     np.testing.assert_allclose(
-        part(curve["values"]) * curve["unit"], scene.curves[0].values, rtol=1e-6, atol=1e-20
+        part(curve["values"]) * curve["unit"], next(iter(scene.curves.values())), rtol=1e-6, atol=1e-20
     )
     np.testing.assert_allclose(part(data["F"][0])[2] / data["scale"], -9.81e-15, rtol=1e-6)
     track = part(data["points"][0]).reshape(-1, 3) * data["size"] + data["centre"]

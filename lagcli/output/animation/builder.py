@@ -14,7 +14,7 @@ from lagcli.model import model as nouns
 from lagcli.output.animation import links, quadratic, row_pictures, scene
 from lagcli.output.animation.links import PointTable, Tie
 from lagcli.output.animation.row_pictures import RowPictures
-from lagcli.output.animation.scene import STANDING, DrawnSurface, Link, Scene, TimeCurve, steady
+from lagcli.output.animation.scene import STANDING, DrawnSurface, Link, Scene, steady
 from lagcli.output.figures import chart
 
 Floats = npt.NDArray[np.float64]
@@ -42,7 +42,7 @@ class Motion:
     particles: Floats
     R: Floats | None = None
     F: Floats | None = None
-    curves: tuple[TimeCurve, ...] = ()
+    curves: Mapping[str, Floats] = dataclasses.field(default_factory=dict)
     notes: tuple[str, ...] = ()
     guide_lines: tuple[DrawnSurface, ...] = ()
     ties: tuple[Tie, ...] = ()

@@ -15,7 +15,7 @@ from matplotlib.backends import backend_agg
 
 from lagcli import progress
 from lagcli.output.animation import nets, page
-from lagcli.output.animation.scene import Scene
+from lagcli.output.animation.scene import Scene, at_instant, largest
 from lagcli.output.figures import figure_page, labels
 from lagcli.output.files import atomic_file
 
@@ -152,12 +152,9 @@ class _Drawing:
         if scene.curves:
             # The multipliers, and the line that runs over them
             plot = self.figure.add_axes((0.72, 0.12, 0.26, 0.76))
-            largest = sorted(
-                scene.curves, key=lambda curve: -float(np.nan_to_num(np.abs(curve.values)).max(initial=0.0))
-            )
-            for k, curve in enumerate(largest[:MOST_CURVES]):
-                name = labels.shortened(curve.name, 24)
-                plot.plot(scene.t, curve.values, linewidth=1.0, color=page.PALETTE[k], label=name)
+            for k, (name, values) in enumerate(largest(scene.curves, MOST_CURVES).items()):
+                label = labels.shortened(name, 24)
+                plot.plot(scene.t, values, linewidth=1.0, color=page.PALETTE[k], label=label)
             plot.set_title("λ over t", fontsize=8, loc="left")
             plot.legend(fontsize=6, frameon=False, loc="best")
             plot.spines[["top", "right"]].set_visible(False)
@@ -181,7 +178,7 @@ class _Drawing:
         flat = self._to(here)
         self._balls.set_offsets(flat)
         for forces, arrows in self._arrows:
-            force = np.array([track[min(frame, len(track) - 1)] for track in forces])
+            force = np.array([at_instant(track, frame) for track in forces])
             tips = self._to(here + scene.scale * force) - flat
             arrows.set_offsets(flat)
             arrows.set_UVC(tips[:, 0], tips[:, 1])

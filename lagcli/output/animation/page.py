@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from lagcli import __version__, memory
 from lagcli.output.animation import nets
-from lagcli.output.animation.scene import DrawnSurface, Scene, TimeCurve
+from lagcli.output.animation.scene import DrawnSurface, Scene, at_instant
 from lagcli.output.figures import labels
 from lagcli.output.files import atomic_file
 
@@ -128,7 +128,7 @@ def packed(scene: Scene) -> tuple[str, str]:
             for link in scene.links
         ],
         "surfaces": [_surface(one, block, size, centre) for one in scene.surfaces],
-        "curves": [_curve(curve, block) for curve in scene.curves],
+        "curves": [_curve(name, values, block) for name, values in scene.curves.items()],
         "notes": [labels.shortened(note, labels.TITLE) for note in scene.notes],
         "modes": [
             {
@@ -164,12 +164,12 @@ def _surface(one: DrawnSurface, block: _Block, size: float, centre: Floats) -> d
     return found | {"frames": block.add(frames)}
 
 
-def _curve(curve: TimeCurve, block: _Block) -> dict[str, object]:
+def _curve(name: str, values: Floats, block: _Block) -> dict[str, object]:
     """A curve as parts of its largest value; what is no number stays none."""
-    known = np.abs(curve.values[np.isfinite(curve.values)])
+    known = np.abs(values[np.isfinite(values)])
     largest = float(known.max(initial=0.0)) or 1.0
-    name = labels.shortened(curve.name, labels.NAME)
-    return {"name": name, "unit": largest, "values": block.add(curve.values / largest)}
+    name = labels.shortened(name, labels.NAME)
+    return {"name": name, "unit": largest, "values": block.add(values / largest)}
 
 
 class Projection:
@@ -206,7 +206,7 @@ def outline(one: DrawnSurface, frame: int) -> Floats:
     if one.kind in ("line", "net"):
         corners = one.corners_at(frame)
         return nets.triangles(corners) if one.kind == "net" else corners[np.isfinite(corners).all(axis=-1)]
-    u, v, w, origin = one.frames[min(frame, len(one.frames) - 1)]
+    u, v, w, origin = at_instant(one.frames, frame)
     if one.kind == "plane":
         closed = np.concatenate([one.corners, one.corners[:1]])
         return np.asarray(origin + closed @ np.array([u, v, w]))

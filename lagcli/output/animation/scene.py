@@ -6,7 +6,7 @@ Lengths, times and forces are in the units of the model. What does not move has 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -57,7 +57,7 @@ class DrawnSurface:
 
     def corners_at(self, frame: int) -> Floats:
         """The positions (k, 3) of the corners of a line or a net at an instant."""
-        return np.asarray(self.corners[min(frame, len(self.corners) - 1)])
+        return at_instant(self.corners, frame)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -70,14 +70,6 @@ class Viewpoint:
     centre: Floats
     size: float
     flat: bool
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class TimeCurve:
-    """A quantity over time, (T,), such as lambda of a constraint."""
-
-    name: str
-    values: Floats
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -94,8 +86,9 @@ class Mode:
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """points: positions of P points, (1 or T, 3) each, the N particles first, then what rods hang on. radii (N,); R and
-    F (N entries, 1 or T, 3) in units of force, or empty. scale: the length of an arrow of the unit of force. notes:
-    what was left out or decimated. modes: where ways to swing are shown in place of a run."""
+    F (N entries, 1 or T, 3) in units of force, or empty. scale: the length of an arrow of the unit of force. curves:
+    quantities over time (T,), such as lambda of constraints. notes: what was left out or decimated. modes: where ways
+    to swing are shown in place of a run."""
 
     title: str
     t: Floats
@@ -108,7 +101,7 @@ class Scene:
     scale: float = 0.0
     links: tuple[Link, ...] = ()
     surfaces: tuple[DrawnSurface, ...] = ()
-    curves: tuple[TimeCurve, ...] = ()
+    curves: Mapping[str, Floats] = dataclasses.field(default_factory=dict)
     units: tuple[str, str] = ("", "")
     notes: tuple[str, ...] = ()
     modes: tuple[Mode, ...] = ()
@@ -128,8 +121,18 @@ class Scene:
 
     def at(self, point: int, frame: int) -> Floats:
         """The position of a point at an instant."""
-        track = self.points[point]
-        return np.asarray(track[min(frame, len(track) - 1)])
+        return at_instant(self.points[point], frame)
+
+
+def at_instant(values: Floats, frame: int) -> Floats:
+    """Of values (1 or T, ...) those at an instant."""
+    return np.asarray(values[min(frame, len(values) - 1)])
+
+
+def largest(curves: Mapping[str, Floats], most: int) -> dict[str, Floats]:
+    """The curves with the largest values, so many of them, the largest first."""
+    sizes = {name: float(np.nan_to_num(np.abs(values)).max(initial=0.0)) for name, values in curves.items()}
+    return {name: curves[name] for name in sorted(curves, key=lambda name: -sizes[name])[:most]}
 
 
 def steady(values: Floats) -> Floats:
@@ -179,12 +182,7 @@ def view(tracks: Sequence[Floats], down: Floats | None) -> Viewpoint:
                 TOWARDS_EYE[0] * right + TOWARDS_EYE[1] * np.cross(up, right) + TOWARDS_EYE[2] * up
             )
         return Viewpoint(towards / np.linalg.norm(towards), up, centre, extent / 2 or 1.0, False)
-    normal, up = _face(axes, spread, up)
-    return Viewpoint(normal, up, centre, extent / 2, True)
-
-
-def _face(axes: Floats, spread: Floats, up: Floats) -> tuple[Floats, Floats]:
-    """The direction towards the eye and up, of points in the plane of the first two axes, or on the first alone."""
+    # The directions towards the eye and up, of points in the plane of the first two axes, or on the first alone
     normal = axes[2]
     if spread[1] <= doubles.ROOT * spread[0]:  # on a line: the plane with up in it
         line = axes[0]
@@ -204,4 +202,4 @@ def _face(axes: Floats, spread: Floats, up: Floats) -> tuple[Floats, Floats]:
     right = np.cross(up, normal)
     # x runs to the right, or else y; z towards the eye in a plane z = 0.
     leading = right[int(np.argmax(np.abs(right).round(6)))]
-    return (normal if leading >= 0 else -normal), up
+    return Viewpoint(normal if leading >= 0 else -normal, up, centre, extent / 2, True)

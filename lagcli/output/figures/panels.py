@@ -180,16 +180,15 @@ def _particle_forces(table: _Table, particles: list[str]) -> Band:
     }
     lengths = {name: chart.sizes(force) for name, force in forces.items()}
     shown, note = table.acting(lengths)
-    unit = force_unit(table.units)
+    unit, count = force_unit(table.units), 3 * len(shown)
     if len(shown) > _FORCE_PANELS:
         curves = [table.curve(name, lengths[name], len(shown)) for name in shown]
         return Band(heading, (table.panel(with_unit("|Rₖ|", unit), curves, is_family=True),), note)
-    label, count = with_unit("Rₖ", unit), 3 * len(shown)
     panels = []
     for name in shown:
         components = zip("xyz", forces[name].T, strict=True)
         curves = [table.curve(f"{a} component", f, count, k) for k, (a, f) in enumerate(components)]
-        panels.append(table.panel(label, curves, title=name))
+        panels.append(table.panel(with_unit("Rₖ", unit), curves, title=name))
     return Band(heading, tuple(panels), note)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -211,36 +211,23 @@ def _time(unit: str) -> str:
     return f"t ({unit})" if unit not in ("", "1") else "t"
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class MotionTable:
-    """A table (T, columns), the time first, with the name of what it is of."""
-
-    name: str
-    columns: Sequence[str]
-    rows: Floats
-
-    def of(self, column: str) -> Floats:
-        """A column (T,)."""
-        return self.rows[:, list(self.columns).index(column)]
-
-
 def motions(
-    tables: tuple[MotionTable, MotionTable], shown: Sequence[str], title: str, unit: str = "s"
+    tables: Mapping[str, Mapping[str, Floats]], shown: Sequence[str], title: str, unit: str = "s"
 ) -> figure.Figure:
-    """Two motions side by side: the columns ``shown``, of which the first ``MOST_COLUMNS`` are drawn, over time, and
-    the columns ``mu.*`` of the second. ``unit``: the label of time."""
-    first, second = tables
-    names = list(shown)[:MOST_COLUMNS]
-    mu = [name for name in second.columns if name.startswith("mu.")]
+    """Two motions side by side, by their names and columns (T,): the columns ``shown``, of which the first
+    ``MOST_COLUMNS`` are drawn, over time, and the columns ``mu.*`` of the second. ``unit``: the label of time."""
+    names, (_, second) = list(shown)[:MOST_COLUMNS], tables.values()
+    mu = [name for name in second if name.startswith("mu.")]
     count = len(names) + bool(mu)
     lines = -(-count // 2)
     with figure_page.style():
         drawn = figure_page.sheet(labels.shortened(title, labels.TITLE), 0.95 + PANEL * lines)
         panels = drawn.subplots(lines, 2 if count > 1 else 1, sharex=True, squeeze=False).ravel()
         for panel, name in zip(panels, names, strict=False):
-            panel.plot(first.rows[:, 0], first.of(name), color=BLUE, linewidth=1.2, label=first.name)
-            dashed = {"linestyle": (0, (5, 2)), "linewidth": 1.2}
-            panel.plot(second.rows[:, 0], second.of(name), color=RED, label=second.name, **dashed)
+            for (label, table), colour, dash in zip(
+                tables.items(), (BLUE, RED), ("-", (0, (5, 2))), strict=True
+            ):
+                panel.plot(table["t"], table[name], color=colour, linestyle=dash, linewidth=1.2, label=label)
             panel.set_title(labels.shortened(name, labels.NAME), fontsize=8, loc="left")
         handles = panels[0].get_legend_handles_labels()
         drawn.legend(*handles, loc="outside lower center", ncol=2, fontsize=8, frameon=False)
@@ -249,7 +236,7 @@ def motions(
             short = [labels.shortened(name.removeprefix("mu."), labels.NAME) for name in mu]
             colours = figure_page.COLOURS[2:]
             for name, label, colour in zip(mu, short, itertools.cycle(colours), strict=False):
-                panel.plot(second.rows[:, 0], second.of(name), color=colour, linewidth=1.0, label=label)
+                panel.plot(second["t"], second[name], color=colour, linewidth=1.0, label=label)
             panel.set_title("μ of the rows" if len(mu) > 1 else f"μ of {short[0]}", fontsize=8, loc="left")
             if 1 < len(mu) <= len(colours):
                 panel.legend(fontsize=7, frameon=False)

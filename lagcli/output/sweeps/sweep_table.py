@@ -1,7 +1,5 @@
-"""The table of a sweep: its rows, the way of the rows into a file of any format and back, and their account.
-
-The account says how many points ended how, and, of drawn points, how their results are distributed.
-"""
+"""The table of a sweep: its rows, their way into a file of any format and back, and their account: how many points
+ended how, and, of drawn points, how their results are distributed."""
 
 from __future__ import annotations
 
@@ -13,7 +11,7 @@ import json
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple, TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -181,17 +179,16 @@ def rows(path: Path, table: ReadTable, names: int) -> list[PointRow]:
     return found
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class Spread:
-    """The distribution of a result over the points that are done: their number, mean, standard deviation (of a sample),
-    `PERCENTILES`, least and largest."""
+class Spread(TypedDict):
+    """The distribution of a result: the number of values, mean, standard deviation (of a sample), least and largest,
+    and `PERCENTILES` by the parts that are below them."""
 
     count: int
     mean: float
     sd: float
-    quantiles: tuple[float, ...]
-    least: float
-    largest: float
+    min: float
+    max: float
+    quantiles: dict[str, float]
 
 
 class SweepEnding(NamedTuple):
@@ -234,16 +231,21 @@ class SweepAccount:
                     results.append(value)
 
     def spreads(self) -> dict[str, Spread]:
-        """The distribution of each result that has a number at any point."""
-        found = {}
+        """The distribution of each result that has a number at any of the points that are done."""
+        found: dict[str, Spread] = {}
         for name, results in self._values.items():
             values = np.array(results)
             values = values[~np.isnan(values)]
             if values.size:
-                sd = float(values.std(ddof=1)) if values.size > 1 else 0.0
-                quantiles = tuple(np.percentile(values, PERCENTILES).tolist())
-                ends = float(values.min()), float(values.max())
-                found[name] = Spread(int(values.size), float(values.mean()), sd, quantiles, *ends)
+                quantiles = np.percentile(values, PERCENTILES).tolist()
+                found[name] = {
+                    "count": int(values.size),
+                    "mean": float(values.mean()),
+                    "sd": float(values.std(ddof=1)) if values.size > 1 else 0.0,
+                    "min": float(values.min()),
+                    "max": float(values.max()),
+                    "quantiles": {f"{p / 100:g}": x for p, x in zip(PERCENTILES, quantiles, strict=True)},
+                }
         return found
 
     def sentence(self) -> str:
@@ -258,9 +260,8 @@ class SweepAccount:
             times = "once" if self.lost == 1 else f"{self.lost} times"
             yield f"workers were ended by the system {times}; what they were computing has been computed again"
         for name, spread in self.spreads().items():
-            quantiles = zip(PERCENTILES, spread.quantiles, strict=True)
-            quantile_text = ", ".join(f"{percent} %: {value:.6g}" for percent, value in quantiles)
-            yield f"{name}: mean {spread.mean:.6g}, standard deviation {spread.sd:.3g}; {quantile_text}"
+            quantiles = ", ".join(f"{100 * float(q):g} %: {x:.6g}" for q, x in spread["quantiles"].items())
+            yield f"{name}: mean {spread['mean']:.6g}, standard deviation {spread['sd']:.3g}; {quantiles}"
 
     def as_json(self) -> dict[str, object]:
         """The object of `--json`."""
@@ -269,17 +270,5 @@ class SweepAccount:
             "workers_lost": self.lost,
         }  # fmt: skip
         if self._values:
-            counts["results"] = {
-                name: {
-                    "count": spread.count,
-                    "mean": spread.mean,
-                    "sd": spread.sd,
-                    "min": spread.least,
-                    "max": spread.largest,
-                    "quantiles": {
-                        f"{p / 100:g}": x for p, x in zip(PERCENTILES, spread.quantiles, strict=True)
-                    },
-                }
-                for name, spread in self.spreads().items()
-            }
+            counts["results"] = self.spreads()
         return counts

@@ -4,9 +4,6 @@ Doubles have the fewest digits that read back to the same double. Words, such as
 and again. The only file that imports orjson.
 """
 
-import csv
-import io
-import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -46,34 +43,18 @@ def parsed_json(text: bytes) -> Any:
     return orjson.loads(text)
 
 
-def quoted(texts: Texts, delimiter: str) -> list[list[bytes]]:
-    """The cells as in CSV, quoted where they hold a delimiter, a quote or a line break."""
-
-    def cell(text: str) -> bytes:
-        line = io.StringIO()
-        csv.writer(line, delimiter=delimiter, lineterminator="\n").writerow([text])
-        return line.getvalue()[:-1].encode()
-
-    known = {text: cell(text) for column in texts for text in set(column)}
-    return [[known[text] for text in column] for column in texts]
-
-
-def as_json(texts: Texts) -> list[list[bytes]]:
-    """The cells as texts of JSON."""
-    known = {text: json.dumps(text, ensure_ascii=False).encode() for column in texts for text in set(column)}
-    return [[known[text] for text in column] for column in texts]
-
-
 def spliced(
-    lines: Sequence[bytes], at: Sequence[int], cells: Sequence[Sequence[bytes]], separator: bytes
+    lines: Sequence[bytes], at: Sequence[int], texts: Texts, written: Callable[[str], bytes], separator: bytes
 ) -> list[bytes]:
-    """Lines of numbers with the cells (columns of text, lines) put in, so that they are the columns `at`."""
+    """Lines of numbers with the texts (columns of text, lines) put in as they are written, so that they are the columns
+    `at`."""
+    known = {text: written(text) for column in texts for text in set(column)}
     before = at[-1] + 1 - len(at)  # numbers before the last text
     found = []
-    for line, *texts in zip(lines, *cells, strict=True):
+    for line, *cells in zip(lines, *([known[text] for text in column] for column in texts), strict=True):
         words = line.split(separator, before)
-        for index, text in zip(at, texts, strict=True):
-            words.insert(index, text)
+        for index, cell in zip(at, cells, strict=True):
+            words.insert(index, cell)
         found.append(separator.join(words))
     return found
 

@@ -34,13 +34,16 @@ class CsvWriter(cell_text.TextWriter):
     def __init__(self, target: Path | BinaryIO, head: TableHead, delimiter: str = ",") -> None:
         # Names and texts with a delimiter, a quote or a line break are quoted.
         self._delimiter = delimiter
-        line = io.StringIO()
-        csv.writer(line, delimiter=delimiter, lineterminator="\n").writerow(head.columns)
-        begin = line.getvalue().encode()
+        begin = self._line(head.columns)
         if isinstance(target, Path):
             super().__init__(cell_text.BlockFile(target, begin), head)
         else:
             super().__init__(cell_text.BlockStream(target, begin), head)
+
+    def _line(self, cells: Sequence[str]) -> bytes:
+        line = io.StringIO()
+        csv.writer(line, delimiter=self._delimiter, lineterminator="\n").writerow(cells)
+        return line.getvalue().encode()
 
     def _block(self, numbers: Floats, texts: Texts) -> bytes | memoryview:
         text: bytes | memoryview = cell_text.csv_lines(numbers)
@@ -49,8 +52,8 @@ class CsvWriter(cell_text.TextWriter):
             text = bytes(text).replace(b",", tab)  # numbers hold no comma
         if not self._at:
             return text
-        quoted = cell_text.quoted(texts, self._delimiter)
-        lines = cell_text.spliced(bytes(text).splitlines(), self._at, quoted, tab)
+        numbered = bytes(text).splitlines()
+        lines = cell_text.spliced(numbered, self._at, texts, lambda text: self._line([text])[:-1], tab)
         return b"".join(line + b"\n" for line in lines)
 
 

@@ -33,9 +33,13 @@ class JsonWriter(cell_text.TextWriter):
         text = cell_text.json_lines(numbers)
         if self._at:
             found = text[1:-1].split(b"],\n[")
-            words = cell_text.spliced(found, self._at, cell_text.as_json(texts), b",")
+            words = cell_text.spliced(found, self._at, texts, _quoted, b",")
             text = b"[" + b"],\n[".join(words) + b"]"
         return (b",\n" if self._has_rows else b"\n") + text
+
+
+def _quoted(text: str) -> bytes:
+    return json.dumps(text, ensure_ascii=False).encode()
 
 
 class JsonTable(table_format.CellTable):
