@@ -51,12 +51,8 @@ def tables(model: Model) -> Iterator[PageTable]:
         whence = "--set" if parameter.name in changed else formula * (formula != value)
         parameters.append((parameter.name, value, whence))
     yield from _table("Parameters", ("name", "value", "from"), parameters, {0, 2})
-    yield from _table(
-        "Coordinates",
-        ("name", "at the start", "rate at the start"),
-        ((_label(c.members), _range(c.value), _range(c.rate)) for c in model.coordinates),
-        {0},
-    )
+    coordinates = [(_label(c.members), _range(c.value), _range(c.rate)) for c in model.coordinates]
+    yield from _table("Coordinates", ("name", "at the start", "rate at the start"), coordinates, {0})
     particles = []
     for particle in model.particles:
         masses, is_one = _range(particle.mass_values), particle.members.count == 1
@@ -71,29 +67,19 @@ def tables(model: Model) -> Iterator[PageTable]:
         )
     at_start = _with("at the start", length)
     speed = _with("velocity at the start", f"{length}/{time}" if length and time else "")
-    headers = ("name", _with("mass", mass), "position", at_start, speed)
-    yield from _table("Particles", headers, particles, {0, 1, 2})
     yield from _table(
-        "Definitions",
-        ("name", "expression"),
-        ((d.name, d.expression.text) for d in model.definitions),
-        {0, 1},
+        "Particles", ("name", _with("mass", mass), "position", at_start, speed), particles, {0, 1, 2}
     )
+    definitions = [(d.name, d.expression.text) for d in model.definitions]
+    yield from _table("Definitions", ("name", "expression"), definitions, {0, 1})
     lagrangian = [("", "Lagrangian", model.lagrangian.text)] if model.lagrangian is not None else []
     yield from _table("Forces", ("name", "on", "expression"), (*lagrangian, *_forces(model)), {0, 2})
     yield from _table("Constraints", ("name", "declared", "equation or condition"), _laws(model), {0, 2})
-    yield from _table(
-        "Outputs",
-        ("name", "expression"),
-        ((_label(o.members), o.expression.text) for o in model.outputs),
-        {0, 1},
-    )
-    yield from _table(
-        "Events",
-        ("name", "where this crosses zero", "direction", "action"),
-        ((e.name, e.when.text, e.direction, e.action) for e in model.events),
-        {0, 1},
-    )
+    outputs = [(_label(o.members), o.expression.text) for o in model.outputs]
+    yield from _table("Outputs", ("name", "expression"), outputs, {0, 1})
+    headers = ("name", "where this crosses zero", "direction", "action")
+    events = [(e.name, e.when.text, e.direction, e.action) for e in model.events]
+    yield from _table("Events", headers, events, {0, 1})
 
 
 def _table(
@@ -109,14 +95,18 @@ def _table(
     filled = [i for i in range(len(headers)) if any(row[i] for row in found)]
     renumbered = {old: new for new, old in enumerate(filled)}
     shown = [tuple(row[i] for i in filled) for row in found[:MOST_ROWS]]
-    if len(found) > MOST_ROWS:
-        caption += f" (the first {MOST_ROWS} of {len(found)})"
+    caption += part(len(found))
     yield PageTable(
         tuple(headers[i] for i in filled),
         tuple(shown),
         frozenset(renumbered[i] for i in code if i in renumbered),
         caption,
     )
+
+
+def part(count: int) -> str:
+    """What the caption of a table says of its rows, where it shows the first ones."""
+    return f" (the first {MOST_ROWS} of {count})" if count > MOST_ROWS else ""
 
 
 def _forces(model: Model) -> Iterator[tuple[str, str, str]]:

@@ -16,12 +16,9 @@ from lagcli.model.model import Model
 from lagcli.output.figures import labels
 from lagcli.output.tables.incident_table import IMPULSE
 from lagcli.reporting import model_on_page
-from lagcli.reporting.model_on_page import Block, PageEquations, PageFigure, PageSentences, PageTable
+from lagcli.reporting.model_on_page import MOST_ROWS, Block, PageFigure, PageSection, PageSentences, PageTable
 from lagcli.running.run_account import Stats
 from lagcli.running.trajectory import Trajectory
-
-# Rows of a table of incidents or of constraints: the files of `simulate` hold them all.
-MOST_ROWS = 60
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -34,7 +31,7 @@ class ReportParts:
     checked: Report
     run: Trajectory
     audit: Audit
-    equations: PageEquations | str
+    equations: Block | str
     still: PageFigure | None
     curves: PageFigure | None
     checks: PageFigure | None
@@ -65,17 +62,17 @@ def contents(parts: ReportParts) -> model_on_page.ReportContents:
     equations: Block | str = parts.equations
     if isinstance(equations, str):
         equations = PageSentences((f"The equations are not written here: {equations}",))
+    declared: tuple[Block, ...] = (
+        *model_on_page.tables(model),
+        model_on_page.listing(model.text, model.path),
+    )
     sections = (
-        model_on_page.PageSection(
-            "Model", "model", (*model_on_page.tables(model), model_on_page.listing(model.text, model.path))
-        ),
-        model_on_page.PageSection(
-            "Degrees of freedom and verdicts", "verdicts", tuple(_verdicts(parts.checked))
-        ),
-        model_on_page.PageSection("Equations of motion", "equations", (equations,)),
-        model_on_page.PageSection("Motion", "motion", tuple(_motion(parts))),
-        model_on_page.PageSection("Audit", "audit", tuple(_audit(parts.audit, parts.checks))),
-        model_on_page.PageSection("Provenance", "provenance", tuple(_provenance(parts.run.stats, model))),
+        PageSection("Model", "model", declared),
+        PageSection("Degrees of freedom and verdicts", "verdicts", tuple(_verdicts(parts.checked))),
+        PageSection("Equations of motion", "equations", (equations,)),
+        PageSection("Motion", "motion", tuple(_motion(parts))),
+        PageSection("Audit", "audit", tuple(_audit(parts.audit, parts.checks))),
+        PageSection("Provenance", "provenance", tuple(_provenance(parts.run.stats, model))),
     )
     return model_on_page.ReportContents(
         labels.shortened(parts.title, labels.TITLE),
@@ -100,10 +97,8 @@ def _summary(parts: ReportParts) -> Iterator[tuple[str, str]]:
     yield "Constraints", ", ".join(f"{number} {kind}" for kind, number in kinds.items()) or "none"
     if len(run.rows):
         end = f"t = {run.t[0]:.9g} to {run.t[-1]:.9g} {time}".rstrip()
-        yield (
-            "Run",
-            f"{end}, {len(run.rows)} rows, {stats.steps} steps of {stats.method}, {parts.tolerance_text}",
-        )
+        steps = f"{len(run.rows)} rows, {stats.steps} steps of {stats.method}"
+        yield "Run", f"{end}, {steps}, {parts.tolerance_text}"
     if len(run.events):
         counts = collections.Counter(run.events.kinds)
         yield "Incidents", ", ".join(f"{number} × {kind}" for kind, number in counts.items())
@@ -116,7 +111,7 @@ def _verdicts(checked: Report) -> Iterator[Block]:
     if checked.constraints:
         cells = [check_report.cells(one) for one in checked.constraints]
         shown = [name for name in cells[0] if any(row[name] for row in cells)]
-        more = f" (the first {MOST_ROWS} of {len(cells)})" if len(cells) > MOST_ROWS else ""
+        more = model_on_page.part(len(cells))
         rows = tuple(tuple(row[name] for name in shown) for row in cells[:MOST_ROWS])
         code = {i for i, name in enumerate(shown) if name in ("constraint", "integral", "factor")}
         yield PageTable(tuple(shown), rows, frozenset(code), f"Constraints and their verdicts{more}")
@@ -145,7 +140,7 @@ def _motion(parts: ReportParts) -> Iterator[Block]:
         for one in run.events[:MOST_ROWS]:
             impulse = one.impulses.get(one.name)
             rows.append((f"{one.t:.9g}", one.kind, one.name, f"{impulse:.6g}" if impulse else ""))
-        more = f" (the first {MOST_ROWS} of {len(run.events)})" if len(run.events) > MOST_ROWS else ""
+        more = model_on_page.part(len(run.events))
         time = f"t ({parts.model.units.time})" if parts.model.units.time.strip() else "t"
         headers: tuple[str, ...] = (time, "kind", "name", IMPULSE.rstrip("."))
         if not any(row[-1] for row in rows):

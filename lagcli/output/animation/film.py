@@ -133,20 +133,15 @@ class _Drawing:
         self._plot.add_collection(self._links)
         looks = [page.colour(k, scene.count) for k in range(scene.count)]
         sizes = (2 * np.maximum(2.0, scene.radii * self._to.scale) * 72 / DPI) ** 2
-        self._balls = self._plot.scatter(
-            np.zeros(scene.count), np.zeros(scene.count), s=sizes, c=looks, zorder=3
-        )
         nothing = np.zeros((4, scene.count))
-        self._arrows = [
-            (
-                forces,
-                self._plot.quiver(
+        self._balls = self._plot.scatter(nothing[0], nothing[1], s=sizes, c=looks, zorder=3)
+        self._arrows = []
+        for forces, look in ((scene.R, REACTION), (scene.F, FORCE)):
+            if forces and scene.scale:
+                drawn = self._plot.quiver(
                     *nothing, color=look, angles="xy", scale_units="xy", scale=1.0, width=0.005, zorder=4
-                ),
-            )
-            for forces, look in ((scene.R, REACTION), (scene.F, FORCE))
-            if forces and scene.scale
-        ]
+                )
+                self._arrows.append((forces, drawn))
         self._clock = self._plot.text(8, height - 8, "", color=INK)
         self._cursor: lines.Line2D | None = None
         if scene.curves:
@@ -170,9 +165,7 @@ class _Drawing:
         cuts = np.linspace(first, frame, FADES + 1).round().astype(np.int64)
         for path, drawn in self._trails:
             drawn.set_segments([path[begin : end + 1] for begin, end in itertools.pairwise(cuts)])
-        ends = [
-            np.stack([scene.at(a, frame), scene.at(b, frame)]) for a, b in (link.ends for link in scene.links)
-        ]
+        ends = [np.stack([scene.at(end, frame) for end in link.ends]) for link in scene.links]
         self._links.set_segments([self._to(pair) for pair in ends])
         here = np.array([scene.at(k, frame) for k in range(scene.count)]).reshape(-1, 3)
         flat = self._to(here)

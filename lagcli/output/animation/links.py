@@ -1,8 +1,5 @@
-"""Lines between points: rods, strings and springs that a model says, bars that linear rows are, and ties.
-
-Bars are levers with a pivot, particles that stay beside another one or halfway between two. Ties are distances that a
-choice of coordinates keeps: found by positions at coordinates drawn at random.
-"""
+"""Lines between points: rods, strings and springs that a model says, bars that linear rows are, and ties, the distances
+that a choice of coordinates keeps."""
 
 from __future__ import annotations
 
@@ -50,7 +47,7 @@ class PointTable:
     def __init__(self, particles: Floats, is_run: bool = True) -> None:
         self._positions, self.is_run, self.unenforced = particles, is_run, 0
         self.count = int(particles.shape[1])
-        self.tracks: list[Floats] = [scene.steady(particles[:, k]) for k in range(particles.shape[1])]
+        self.tracks: list[Floats] = [scene.steady(particles[:, k]) for k in range(self.count)]
         self._known: dict[tuple[tuple[tuple[int, float], ...], bytes], int] = {}
 
     def ends(self, found: SquareDistance) -> tuple[int, int] | None:
@@ -104,9 +101,8 @@ def of_row(row: PicturedRow, found: SquareDistance, points: PointTable, is_led: 
     size = float(np.abs(length).max())
     if size == 0.0:
         return None
-    if points.is_run and (
-        off.max() > scene.OFF * size or (not found.at_most and off.min() < -scene.OFF * size)
-    ):
+    is_off = off.max() > scene.OFF * size or (not found.at_most and off.min() < -scene.OFF * size)
+    if points.is_run and is_off:
         points.unenforced += 1
         return None
     first = float(np.ravel(length)[0])
@@ -123,12 +119,9 @@ def of_sum(name: str, distances: Iterable[SquareDistance], points: PointTable) -
         return []
     # From pulley to pulley, where these are no particles.
     pulleys = [end for ends in known for end in ends if end >= points.count]
-    between = (
-        [pair for pair in itertools.pairwise(pulleys) if pair[0] != pair[1]]
-        if len(pulleys) == len(known)
-        else []
-    )
-    return [Link("string", name, ends) for ends in (*known, *between)]
+    if len(pulleys) == len(known):
+        known += [pair for pair in itertools.pairwise(pulleys) if pair[0] != pair[1]]
+    return [Link("string", name, ends) for ends in known]
 
 
 def of_bodies(model: nouns.Model, particles: Floats) -> Iterable[Link]:
@@ -142,10 +135,8 @@ def of_bodies(model: nouns.Model, particles: Floats) -> Iterable[Link]:
             base = rigid.geometry(positions)
             pairs = {(min(a, b), max(a, b)) for a, b in ((base.base[i], base.base[j]) for i, j in base.pairs)}
             for k in range(count):
-                near = np.argsort(np.linalg.norm(positions - positions[k], axis=1), kind="stable")[
-                    1 : NEAREST + 1
-                ]
-                pairs |= {(min(k, int(i)), max(k, int(i))) for i in near}
+                near = np.argsort(np.linalg.norm(positions - positions[k], axis=1), kind="stable")
+                pairs |= {(min(k, int(i)), max(k, int(i))) for i in near[1 : NEAREST + 1]}
         for i, j in sorted(pairs):
             length = float(np.linalg.norm(positions[i] - positions[j]))
             yield Link("rod", body.name, (body.particles[i], body.particles[j]), length)
@@ -206,17 +197,15 @@ def ties(samples: Floats, numbers: npt.NDArray[np.int64]) -> list[Tie]:
     """The constant distances of particles with these numbers, at samples (S, K, 3)."""
     if not 0 < len(numbers) <= MOST_TIED:
         return []
-    found: list[Tie] = []
     size = float(np.abs(samples - samples.mean(axis=(0, 1))).max()) or 1.0
     pairs: dict[int, list[tuple[float, int]]] = {}
     for i in range(len(numbers)):
         apart = np.linalg.norm(samples - samples[:, i : i + 1], axis=-1)
-        constant = np.flatnonzero(
-            (np.ptp(apart, axis=0) <= doubles.ZERO * size) & (apart[0] > doubles.ZERO * size)
-        )
+        rounding = doubles.ZERO * size
+        constant = np.flatnonzero((np.ptp(apart, axis=0) <= rounding) & (apart[0] > rounding))
         pairs[i] = sorted((float(apart[0, j]), int(j)) for j in constant)[:NEAREST_TIED]
     joined = {(min(i, j), max(i, j)): length for i, near in pairs.items() for length, j in near}
-    found += [Tie(int(numbers[i]), int(numbers[j]), length) for (i, j), length in sorted(joined.items())]
+    found = [Tie(int(numbers[i]), int(numbers[j]), length) for (i, j), length in sorted(joined.items())]
     for i in range(len(numbers)):
         pivot = _pivot(samples[:, i], size)
         if pivot is not None:

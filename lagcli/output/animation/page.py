@@ -239,7 +239,7 @@ def svg(scene: Scene, frame: int = 0, width: int = 640, height: int = 480) -> st
         stroke = ' stroke="#6c7885"' * (one.kind != "net")
         lines += [_path(to(piece), look + stroke) for piece in pieces]
     for link in scene.links[:MOST_DRAWN]:
-        ends = to(np.array([scene.at(link.ends[0], frame), scene.at(link.ends[1], frame)]))
+        ends = to(np.array([scene.at(end, frame) for end in link.ends]))
         dash = "" if link.kind == "rod" else ' stroke-dasharray="4 3"'
         lines.append(_path(ends, f'fill="none" stroke="#6c7885" stroke-width="2"{dash}'))
     for k in range(min(scene.count, MOST_DRAWN)):

@@ -25,7 +25,7 @@ MOST_TICKS = 7  # decades that are named
 
 
 def compose(data: ChartData) -> figure_page.NotebookFigure:
-    """The figure of a data: its panels one below the other."""
+    """The figure of a chart: its panels one below the other."""
     spans = [panel.limits for panel in data.panels if panel.shape == "time" and panel.limits is not None]
     marks: Sequence[IncidentMarks] = ()
     if data.incidents and (spans or any(panel.dots for panel in data.panels)):

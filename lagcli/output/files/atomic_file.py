@@ -239,8 +239,17 @@ class FileLock:
 
     def __init__(self, target: Path) -> None:
         self._path, taken = lock_path(target), -1
+        flags = os.O_RDWR | getattr(os, "O_NOFOLLOW", 0)
         while taken < 0:
-            number, is_new = self._opened(target)
+            try:
+                number, is_new = os.open(self._path, flags | os.O_CREAT | os.O_EXCL, 0o666), True
+            except FileExistsError:
+                try:
+                    number, is_new = os.open(self._path, flags), False
+                except FileNotFoundError:
+                    continue  # it went in between
+            except OSError as error:
+                raise OSError(error.errno, error.strerror, str(target)) from error
             with contextlib.ExitStack() as stack:
                 stack.callback(os.close, number)
                 try:
@@ -258,18 +267,6 @@ class FileLock:
                     taken = number
         self._number, self.status = taken, os.fstat(taken)
         _locks.add(self)
-
-    def _opened(self, target: Path) -> tuple[int, bool]:
-        """The descriptor of the file of the lock, and whether it was made for it."""
-        flags = os.O_RDWR | getattr(os, "O_NOFOLLOW", 0)
-        while True:
-            try:
-                return os.open(self._path, flags | os.O_CREAT | os.O_EXCL, 0o666), True
-            except FileExistsError:
-                with contextlib.suppress(FileNotFoundError):  # it went in between
-                    return os.open(self._path, flags), False
-            except OSError as error:
-                raise OSError(error.errno, error.strerror, str(target)) from error
 
     def release(self) -> None:
         """Give the lock back; no effect on one that was given back."""

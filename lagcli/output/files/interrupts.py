@@ -54,7 +54,7 @@ def install() -> None:
 
 def end_promptly() -> None:
     """Let an interrupt end the process also while a library computes, from now on; for the main thread."""
-    if not any(map(is_ending, signal.valid_signals())):
+    if not any(map(is_ending, NUMBERS)):
         return
     import threading
 
@@ -79,14 +79,13 @@ def _watch(reading: int) -> None:
 
 def release() -> None:
     """Ignore the signals from now on: the command has ended, its exit code is known, and its files are written."""
-    for number in NUMBERS:
-        if signal.getsignal(number) is _handle:
-            signal.signal(number, signal.SIG_IGN)
+    for number in filter(is_ending, NUMBERS):
+        signal.signal(number, signal.SIG_IGN)
 
 
 def is_ending(number: int) -> bool:
     """True if a signal is one of those that end the process, and taken here."""
-    return any(number == each and signal.getsignal(each) is _handle for each in NUMBERS)
+    return number in NUMBERS and signal.getsignal(number) is _handle
 
 
 def before_end(farewell: Callable[[], None]) -> None:

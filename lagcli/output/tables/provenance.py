@@ -27,14 +27,14 @@ class TableFacts:
 
     def as_json(self) -> dict[str, object]:
         """The entries `title`, `units` and `dimensions` of a provenance."""
-        units = self.units or Units()
+        known = self.dimensions
         return {
             "title": self.title,
-            "units": dataclasses.asdict(units),
+            "units": dataclasses.asdict(self.units or Units()),
             "dimensions": {
-                "lengths": self.dimensions.lengths,
-                "angles": sorted(self.dimensions.angles),
-                "positions": sorted(self.dimensions.positions),
+                "lengths": known.lengths,
+                "angles": sorted(known.angles),
+                "positions": sorted(known.positions),
             },
         }
 
@@ -70,11 +70,8 @@ def facts_from(origin: Mapping[str, object] | None) -> TableFacts:
 
 
 def _names(entries: object) -> frozenset[str]:
-    return (
-        frozenset(name for name in entries if isinstance(name, str))
-        if isinstance(entries, list)
-        else frozenset()
-    )
+    known = entries if isinstance(entries, list) else []
+    return frozenset(name for name in known if isinstance(name, str))
 
 
 @frozen_value
