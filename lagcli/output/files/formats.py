@@ -35,13 +35,11 @@ class UnknownFormat(ValueError):
     """A file name ends in nothing that can be written."""
 
     def __init__(self, name: str, known: tuple[str, ...]) -> None:
+        super().__init__(name, known)
         self.name, self.known = name, known
-        super().__init__(
-            f'"{name}": unknown format; known endings: {", ".join("." + ending for ending in known)}'
-        )
 
-    def __reduce__(self) -> tuple[type[UnknownFormat], tuple[object, ...]]:
-        return type(self), (self.name, self.known)
+    def __str__(self) -> str:
+        return f'"{self.name}": unknown format; known endings: {", ".join("." + one for one in self.known)}'
 
 
 def is_table(path: str | os.PathLike[str]) -> bool:

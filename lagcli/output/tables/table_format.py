@@ -221,15 +221,15 @@ class UnknownColumn(ValueError):
     """A pattern matches no column; ``nearest`` holds the known names most like it."""
 
     def __init__(self, pattern: str, nearest: Sequence[str]) -> None:
-        self.pattern = pattern
-        self.nearest = tuple(nearest)
-        hint = f"; nearest: {', '.join(self.nearest)}" if self.nearest else ""
-        if ACCELERATION.fullmatch(pattern):
-            hint = f"; accelerations are columns where they are outputs of the model: `outputs: {{acc: {pattern}}}`"
-        super().__init__(f'no column matches "{pattern}"{hint}')
+        super().__init__(pattern, nearest)
+        self.pattern, self.nearest = pattern, tuple(nearest)
 
-    def __reduce__(self) -> tuple[type[UnknownColumn], tuple[object, ...]]:
-        return type(self), (self.pattern, self.nearest)
+    def __str__(self) -> str:
+        hint = f"; nearest: {', '.join(self.nearest)}" if self.nearest else ""
+        if ACCELERATION.fullmatch(self.pattern):
+            outputs = f"`outputs: {{acc: {self.pattern}}}`"
+            hint = f"; accelerations are columns where they are outputs of the model: {outputs}"
+        return f'no column matches "{self.pattern}"{hint}'
 
 
 def select(columns: Sequence[str], patterns: str, by_name: Sequence[str] = ()) -> list[int]:
@@ -255,11 +255,8 @@ def select(columns: Sequence[str], patterns: str, by_name: Sequence[str] = ()) -
         ]
         if not found:
             stem = re.sub(r"[*?]", "", pattern).casefold()
-            names: dict[str, str] = {}
-            for name in everything:
-                names.setdefault(name.casefold(), name)
-            raise UnknownColumn(
-                pattern, [names[key] for key in difflib.get_close_matches(stem, list(names), n=3, cutoff=0.5)]
-            )
+            names = {name.casefold(): name for name in reversed(everything)}
+            close = difflib.get_close_matches(stem, list(names), n=3, cutoff=0.5)
+            raise UnknownColumn(pattern, [names[key] for key in close])
         chosen.update(dict.fromkeys(found))
     return list(chosen)
