@@ -39,6 +39,8 @@ def text(scene: Scene) -> str:
     """The page. All text of the model is escaped, and the policy of the page allows only its own two scripts."""
     title = html.escape(labels.shortened(scene.title, labels.TITLE))
     data, numbers = packed(scene)
+    for letter in "<>&\u2028\u2029":  # JSON cannot end the tag that it stands in, nor begin a comment there
+        data = data.replace(letter, f"\\u{ord(letter):04x}")
     library, page, css = (_asset(name) for name in (LIBRARY, "page.js", "page.css"))
     return string.Template(_asset("page.html")).substitute(
         TITLE=title,
@@ -47,7 +49,7 @@ def text(scene: Scene) -> str:
         STYLES=_hash(css),
         CSS=css,
         STILL=svg(scene),
-        SCENE=in_script(data),
+        SCENE=data,
         NUMBERS=numbers,
         THREE=library,
         PAGE=page,
@@ -64,13 +66,6 @@ def write(path: pathlib.Path, scene: Scene) -> int:
 def fixed_bytes() -> int:
     """The bytes of a page without a scene."""
     return sum(len(_asset(name).encode("utf-8")) for name in (LIBRARY, "page.js", "page.css", "page.html"))
-
-
-def in_script(data: str) -> str:
-    """JSON that cannot end the tag it stands in, nor begin a comment there."""
-    for letter in "<>&\u2028\u2029":
-        data = data.replace(letter, f"\\u{ord(letter):04x}")
-    return data
 
 
 @memory.remembered()

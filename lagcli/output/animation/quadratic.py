@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import TypeVar
 
 import numpy as np
@@ -19,7 +19,7 @@ from lagcli.expression import evaluate, functions, tree
 from lagcli.expression.evaluate import Operators
 from lagcli.model import model as nouns
 from lagcli.model.family import Family, Integers
-from lagcli.model.resolve import ModelNames, Reference, Resolver
+from lagcli.model.resolve import ModelNames, Resolver
 
 Floats = npt.NDArray[np.float64]
 Coefficient = Floats | np.float64  # (T,) or a number
@@ -267,13 +267,11 @@ class PicturedRow:
 class _QuadraticAlgebra(Operators):
     """See `evaluate.Algebra`; what is not of the second degree is `OTHER`."""
 
-    def __init__(
-        self, atom: Callable[[Reference], Value], special: Callable[[tree.Call, _QuadraticAlgebra], Value]
-    ) -> None:
-        self.atom, self._special = atom, special
+    def __init__(self, resolver: Resolver[Quadratic]) -> None:
+        self.atom, self._resolver = resolver.atom, resolver
 
     def special(self, node: tree.Call) -> Value:
-        return self._special(node, self)
+        return self._resolver.special(node, self)
 
     def number(self, node: tree.Number) -> Quadratic:
         return of_number(float(node.text))
@@ -325,8 +323,7 @@ class _PositionLeaves:
         """The algebra for the member `k` of a family, with its variables; `own`: more names."""
         variables = members.variables if members is not None else {}
         numbers = {name: values[k : k + 1] for name, values in variables.items()}
-        resolver = Resolver(self._names, self, numbers, own or {}, lambda *_: OTHER)
-        return _QuadraticAlgebra(resolver.atom, resolver.special)
+        return _QuadraticAlgebra(Resolver(self._names, self, numbers, own or {}, lambda *_: OTHER))
 
     def constant(self, name: str) -> Value | None:
         return self._constants.get(name)

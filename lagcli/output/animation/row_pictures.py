@@ -22,13 +22,9 @@ from lagcli.output.animation.quadratic import Coefficient, PicturedRow, Quadrati
 from lagcli.output.animation.scene import OFF, STANDING, DrawnSurface, Link, Viewpoint, steady
 
 Floats = npt.NDArray[np.float64]
-# Rows of models of more particles are not tried one by one for curves.
-MOST_TRIED = 60
-# Shapes that move take room in a page for each instant.
-MOST_MOVING = 6
-# Sizes of the scene: a plane farther than this from all that moves on its side is not drawn.
-# `tests/unit/test_drawing_thresholds.py::test_a_plane_far_from_its_particle_is_not_drawn` fails at 15 and 0.15.
-FAR = 1.5
+MOST_TRIED = 60  # rows of models of more particles are not tried one by one for curves
+MOST_MOVING = 6  # shapes that move take room in a page for each instant
+FAR = 1.5  # sizes of the scene: a plane farther than this from all that moves on its side is not drawn
 MARGIN = 0.12  # of the size of the scene, by which a surface reaches beyond what moves on it
 
 

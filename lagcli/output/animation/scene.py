@@ -19,8 +19,6 @@ Floats = npt.NDArray[np.float64]
 # time if it lasts `SHORT` at least, any other is shown within `SHOWN`.
 SHORT, WATCHABLE, SHOWN = 2, 40, 10
 # A part of the size or length: what is off by more in a table is no rod there, or not on a surface.
-# `tests/unit/test_drawing_thresholds.py::test_a_rod_that_is_off_its_length_is_not_drawn` fails at 1e-4 and 1e-6,
-# `test_a_plane_far_from_its_particle_is_not_drawn` too.
 OFF = 1e-5
 TOWARDS_EYE = np.array([0.45, -1.0, 0.4])  # towards the eye, where z is up
 # The directions of space, for shapes whose corners are points.

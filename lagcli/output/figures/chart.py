@@ -235,14 +235,14 @@ class DecimatedRows:
         if not len(rows):
             return
         most = max(FEWEST_ROWS, NUMBERS // rows.shape[1])
-        self._store(rows[-self._arrived % self._stride :: self._stride])
+        self._blocks.append(rows[-self._arrived % self._stride :: self._stride].copy())
+        self._count += len(self._blocks[-1])
         self._arrived += len(rows)
         self._last = rows[-1].copy()
         while self._count > most:
-            chosen = np.concatenate(self._blocks)[::2]
+            self._blocks = [np.concatenate(self._blocks)[::2].copy()]
+            self._count = len(self._blocks[0])
             self._stride *= 2
-            self._blocks, self._count = [], 0
-            self._store(chosen)
 
     def mark(self, incidents: NDArray[np.float64]) -> None:
         """Take in incidents (k, columns): their times, and their kinds by their indices in `KINDS`, come first."""
@@ -254,10 +254,6 @@ class DecimatedRows:
             return np.zeros((0, 0))
         ended = (self._arrived - 1) % self._stride == 0
         return np.concatenate([*self._blocks, *([] if ended else [self._last[None]])])
-
-    def _store(self, rows: NDArray[np.float64]) -> None:
-        self._blocks.append(rows.copy())
-        self._count += len(rows)
 
 
 def extrema(values: NDArray[np.float64], most: int) -> NDArray[np.intp]:

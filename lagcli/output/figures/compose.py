@@ -26,7 +26,6 @@ MOST_PANELS = 24  # on one page, an inch each
 MOST_APART = 8
 MOST_DASHED = 6  # dashes that differ, and columns and runs that one panel holds together
 # Below it, in whatever unit, forces may be rounding: where no model tells, that is said.
-# `tests/unit/test_drawing_thresholds.py::test_forces_that_may_be_rounding_are_noted` fails at 1e-12 and 1e-14.
 SUSPECT = 1e-13
 
 

@@ -115,11 +115,11 @@ def write(path: str | os.PathLike[str], drawn: figure.Figure) -> None:
     atomic_file.write(target, content(formats.of(target, formats.FIGURES), drawn))
 
 
-def content(fmt: str, drawn: figure.Figure) -> bytes:
+def content(fmt: str, drawn: figure.Figure, dpi: float | Literal["figure"] = "figure") -> bytes:
     """A figure in a format of ``formats.FIGURES``, as the bytes of a file."""
     made = io.BytesIO()
     with style(), any_sign():
-        drawn.savefig(made, format=fmt, metadata=METADATA[fmt])
+        drawn.savefig(made, format=fmt, metadata=METADATA[fmt], dpi=dpi)
     return made.getvalue()
 
 
@@ -144,10 +144,7 @@ class NotebookFigure(figure.Figure):
     """A figure that a notebook shows, though no window and no state of pyplot belongs to it."""
 
     def _repr_png_(self) -> bytes:
-        file = io.BytesIO()
-        with style():
-            self.savefig(file, format="png", metadata=METADATA["png"], dpi=SCREEN_DPI)
-        return file.getvalue()
+        return content("png", self, SCREEN_DPI)
 
 
 def sheet(title: str, height: float) -> NotebookFigure:

@@ -20,9 +20,7 @@ from lagcli.output.figures.labels import force_unit, multiplier_unit, with_unit
 Floats = NDArray[np.float64]
 
 _OVERLAID = 6  # curves in one panel whose colors are told apart
-# Curves with ranges that differ by more have panels of their own.
-# `tests/unit/test_drawing_thresholds.py::test_curves_of_like_size_share_axes` fails at 300 and 3.
-_LIKE_SIZE = 30
+_LIKE_SIZE = 30  # curves with ranges that differ by more have panels of their own
 _MULTIPLIER_PANELS = 50  # of more rows all curves stand in one panel
 _FORCE_PANELS = 12  # of more particles one panel shows the sizes of all; names in a note
 _NUMBERS = 100_000  # of a figure, shared by its curves, which are decimated to 200 points at the least

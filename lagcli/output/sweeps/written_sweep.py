@@ -111,18 +111,15 @@ class SweepRequest:
 SweepStep: TypeAlias = float | str | SweepEnding
 
 
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class WrittenSweep:
     """A sweep and the file of its rows, which are counted in `account`: iterate `steps` once. compute: makes the rows
     of these points in their order, in parts that may be empty."""
 
-    def __init__(
-        self,
-        planned: PlannedRows,
-        request: SweepRequest,
-        account: SweepAccount,
-        compute: Callable[[range], Iterator[list[PointRow]]],
-    ) -> None:
-        self._planned, self._request, self._account, self._compute = planned, request, account, compute
+    planned: PlannedRows
+    request: SweepRequest
+    account: SweepAccount
+    compute: Callable[[range], Iterator[list[PointRow]]]
 
     def steps(self) -> Iterator[float | str]:
         """Compute and write, where interrupts are held back; they break off only what computes rows.
@@ -130,25 +127,25 @@ class WrittenSweep:
         Raises `BadRequest`, `WriteError`, `interrupts.Interrupted`, and what `compute` raises; rows in a file are safe
         then.
         """
-        if self._request.target is not None:
+        if self.request.target is not None:
             yield from self._to_file()
             return
         with write_guard.writing("standard output"):
-            table = SweepTable(sys.stdout.buffer, self._planned.columns, None, self._planned.shard_of)
+            table = SweepTable(sys.stdout.buffer, self.planned.columns, None, self.planned.shard_of)
 
             def take(rows: list[PointRow]) -> None:
                 with interrupts.shielded(interrupts.PATIENCE):
                     table.write(rows)
-                self._account.take(rows)
+                self.account.take(rows)
 
             yield from self._take_all(0, take)
             with interrupts.shielded(interrupts.PATIENCE):
-                table.sink.commit(durably=True, planned=len(self._planned.numbers))
+                table.sink.commit(durably=True, planned=len(self.planned.numbers))
 
     def _take_all(self, there: int, take: Callable[[list[PointRow]], None]) -> Iterator[float]:
         """Compute the rows after those that are there, and have each part of them taken."""
-        numbers = self._planned.numbers
-        parts = self._compute(numbers[there:])
+        numbers = self.planned.numbers
+        parts = self.compute(numbers[there:])
         while True:
             yield there / (len(numbers) or 1)
             with interrupts.window():
@@ -159,7 +156,7 @@ class WrittenSweep:
             there += len(rows)
 
     def _to_file(self) -> Iterator[float | str]:
-        request, planned, target = self._request, self._planned, self._request.path
+        request, planned, target = self.request, self.planned, self.request.path
         path, count = sweep_journal.path_of(target), len(planned.numbers)
         with contextlib.ExitStack() as stack:
             with write_guard.writing(os.fspath(target)):
@@ -171,7 +168,7 @@ class WrittenSweep:
                     is_under_way = sweep_journal.is_under_way(path)
                     there = None if is_under_way else _finished_rows(target, planned, digest)
                 if there is not None:
-                    self._account.take(there)
+                    self.account.take(there)
                     if not request.quiet:
                         yield f"note: {target} holds all rows of this sweep already"
                     return
@@ -187,7 +184,7 @@ class WrittenSweep:
             yield from self._journal_all(journal)
             with write_guard.writing(os.fspath(target)):
                 self._write(
-                    journal, target, lambda sink: sink.commit(durably=True, planned=count), self._account.take
+                    journal, target, lambda sink: sink.commit(durably=True, planned=count), self.account.take
                 )
                 if request.resume and _is_silent(target, planned):
                     journal.end_with(target)
@@ -214,10 +211,10 @@ class WrittenSweep:
         except interrupts.Interrupted:
             # The rows so far go into a file of their own.
             journal.sync()
-            target = self._request.rows_so_far
+            target = self.request.rows_so_far
             with write_guard.writing(os.fspath(target)):
                 self._write(journal, target, lambda sink: sink.keep_partial(), lambda rows: None)
-            done = f"{journal.count} of {len(self._planned.numbers)} points"
+            done = f"{journal.count} of {len(self.planned.numbers)} points"
             partial = atomic_file.partial_of(target)
             interrupts.leave(f"lagcli: interrupted; {done} are in {partial}; --resume goes on after them")
             raise
@@ -230,7 +227,7 @@ class WrittenSweep:
         seen: Callable[[list[PointRow]], None],
     ) -> None:
         """Write the rows of a journal into a table that is ended so; each block is `seen` when it is written."""
-        planned = self._planned
+        planned = self.planned
         try:
             table = SweepTable(target, planned.columns, planned.provenance, planned.shard_of)
         except table_format.MissingExtra as error:
