@@ -65,7 +65,7 @@ def scene_of(motion: Motion, model: nouns.Model | None, title: str, units: tuple
     for tie in motion.ties:  # as thin lines
         other = tie.other if isinstance(tie.other, int) else points.point_at(tie.other)
         found.links.append(Link("string", "", (tie.particle, other), tie.length))
-    hard = links.contact_radii(found.pairs, found.lines, len(motion.names))
+    hard = links.contact_radii(found.contacts, len(motion.names))
     tracks = list(points.tracks)
     for _, ball in found.rounds:
         if ball.kind == "sphere":  # which reaches farther than the particle on it

@@ -142,17 +142,14 @@ def of_bodies(model: nouns.Model, particles: Floats) -> Iterable[Link]:
             yield Link("rod", body.name, (body.particles[i], body.particles[j]), length)
 
 
-def contact_radii(
-    pairs: Iterable[SquareDistance], lines: Iterable[tuple[int, int, float]], count: int
-) -> Floats:
-    """The radius of each particle (count,) that keeps its distance from others like a hard sphere, nan for others;
-    lines: pairs that keep a distance along one line."""
+def contact_radii(contacts: Iterable[tuple[int, int, float]], count: int) -> Floats:
+    """The radius of each particle (count,) that keeps its distance from others like a hard sphere, nan for others.
+
+    contacts: two particles and their distance, in space or along one line.
+    """
     radii = np.full(count, np.nan)
-    contacts = [((a, b), distance) for a, b, distance in lines]
-    contacts += [((a, b), float(np.ravel(pair.length)[0])) for pair in pairs for a, b in [pair.weights]]
-    for touching, distance in contacts:
-        for k in touching:
-            radii[k] = np.fmin(radii[k], distance / 2)
+    for a, b, distance in contacts:
+        radii[[a, b]] = np.fmin(radii[[a, b]], distance / 2)
     return radii
 
 

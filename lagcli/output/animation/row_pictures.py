@@ -18,7 +18,7 @@ from lagcli.model import model as nouns
 from lagcli.output.animation import links, nets, quadratic
 from lagcli.output.animation.links import PointTable
 from lagcli.output.animation.nets import Function
-from lagcli.output.animation.quadratic import Coefficient, PicturedRow, Quadratic, SquareDistance
+from lagcli.output.animation.quadratic import Coefficient, PicturedRow, Quadratic
 from lagcli.output.animation.scene import OFF, STANDING, DrawnSurface, Link, Viewpoint, steady
 
 Floats = npt.NDArray[np.float64]
@@ -41,15 +41,14 @@ class SingleParticleRow:
 
 @dataclasses.dataclass(slots=True, eq=False)
 class RowPictures:
-    """links: rods and strings; planes and rounds of single particles, rounds with the particle; pairs, lines: of
-    contacts between two particles; single: the rows of each particle alone, but for rods; others: rows that are not of
-    the second degree; curved: particles whose curve is drawn; shown: the names of rows that are seen in the picture."""
+    """links: rods and strings; planes and rounds of single particles, rounds with the particle; contacts: two particles
+    and their distance; single: the rows of each particle alone, but for rods; others: rows that are not of the second
+    degree; curved: particles whose curve is drawn; shown: the names of rows that are seen in the picture."""
 
     links: list[Link] = dataclasses.field(default_factory=list)
     planes: list[RowPlane] = dataclasses.field(default_factory=list)
     rounds: list[tuple[int, DrawnSurface]] = dataclasses.field(default_factory=list)
-    pairs: list[SquareDistance] = dataclasses.field(default_factory=list)
-    lines: list[tuple[int, int, float]] = dataclasses.field(default_factory=list)
+    contacts: list[tuple[int, int, float]] = dataclasses.field(default_factory=list)
     single: dict[int, list[SingleParticleRow]] = dataclasses.field(default_factory=dict)
     others: list[PicturedRow] = dataclasses.field(default_factory=list)
     curved: set[int] = dataclasses.field(default_factory=set)
@@ -92,10 +91,11 @@ def pictures(
             single = SingleParticleRow(row.name, row.one_sided, simple, moves, row.form.values)
             found.single.setdefault(particle, []).append(single)
         elif distance is not None and distance.at_least and len(distance.weights) == 2:
-            found.pairs.append(distance)
+            a, b = distance.weights
+            found.contacts.append((a, b, float(np.ravel(distance.length)[0])))
             found.shown.add(row.name)
         elif (line := _line_contact(row, particles, size)) is not None:
-            found.lines.append(line)
+            found.contacts.append(line)
             found.shown.add(row.name)
         else:
             linear.append(row)
