@@ -64,8 +64,8 @@ def listed(line: str) -> str:
 
 
 def declarations(document: str) -> str:
-    """The lines that say how each character of a document is printed that LaTeX does not know: by its number, where
-    there is no sign for it."""
+    """The lines that say how characters are printed that LaTeX does not know: by their numbers, where there is no
+    sign."""
     unknown = sorted({letter for letter in document if letter > LAST_LATIN and letter not in _KNOWN})
     return "\n".join(rf"\DeclareUnicodeCharacter{{{ord(one):04X}}}{{{_sign(one)}}}" for one in unknown)
 

@@ -43,17 +43,16 @@ def _expanded(functions: Sequence[Function], points: Floats, size: float) -> tup
 
 
 def nearest(functions: Sequence[Function], points: Floats, size: float) -> tuple[Floats, Floats]:
-    """The points (T, k, 3) near these at which all functions are zero, by Newton's steps of least length, nan where
-    there is none; and the gradients there (T, k, m, 3)."""
+    """The points (T, k, 3) near these at which all functions are zero, nan for none, and the gradients there (T, k, m,
+    3)."""
     met, rows = surface.nearby_all(lambda points: _expanded(functions, points, size), points, size)
     is_far = np.linalg.norm(met - points, axis=-1) > size  # on another sheet
     return np.where(is_far[..., None], np.nan, met), rows
 
 
 def followed(functions: Sequence[Function], starts: Floats, size: float, centre: Floats) -> Floats:
-    """The curve on which two functions are zero, as points (T, k, 3), both ways from starts (T, 3) near it; closed
-    curves end where they begin, others where they leave what is seen. nan where there is none; empty if there is none
-    at any instant."""
+    """The curve on which two functions are zero, as points (T, k, 3), both ways from starts (T, 3) near it, until it
+    closes or leaves what is seen. nan where there is none; empty if there is none at any instant."""
     count = len(starts)
     step = size / (FINE if count == 1 else COARSE)
     first, rows = nearest(functions, starts[:, None], size)

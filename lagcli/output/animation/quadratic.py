@@ -426,8 +426,7 @@ def _addends(node: tree.Node, sign: int) -> Iterator[tuple[int, tree.Node]]:
 
 
 def springs(model: nouns.Model, t: Floats) -> Iterator[tuple[str, SquareDistance]]:
-    """The distances between points whose squares, or those of how far they are off a length, stand in potentials, at
-    the instants t (T,), with the names of these."""
+    """The distances at t (T,) whose squares, less a length or not, stand in potentials, with the names of these."""
     leaves, left = _PositionLeaves(model, t), MOST_ROWS
     for force in model.forces:
         if not isinstance(force, nouns.Potential):

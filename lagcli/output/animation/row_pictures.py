@@ -187,8 +187,8 @@ def _circle(ball: DrawnSurface, one: RowPlane) -> DrawnSurface | None:
 def curves(
     model: nouns.Model, t: Floats, particles: Floats, view: Viewpoint, found: RowPictures
 ) -> list[DrawnSurface]:
-    """The curves that two rows leave a particle, nets, and the lines of walls in the plane of a motion: rows that are
-    not simple. t (T,), particles (T, N, 3)."""
+    """The curves that two rows leave a particle, nets, and lines of walls, of rows that are not simple; particles (T,
+    N, 3)."""
     drawn: list[DrawnSurface] = []
     size = 2 * view.size
 
@@ -226,8 +226,8 @@ def curves(
 def _cut_out(
     own: list[SingleParticleRow], number: int, track: Floats, view: Viewpoint, found: RowPictures
 ) -> Iterator[tuple[Literal["line", "net"], list[SingleParticleRow]]]:
-    """The rows of a particle that are drawn together: as a curve on two of them, or on one of them and the plane of the
-    picture, or as a net."""
+    """The rows of a particle that are drawn together: a curve on two of them, or on one in the plane of the picture, or
+    a net."""
 
     def is_level(one: SingleParticleRow) -> bool:
         """True for an equation that only says in which plane the motion is."""
@@ -384,8 +384,8 @@ def merged(planes: Sequence[RowPlane], size: float) -> list[RowPlane]:
 def polygons(
     planes: Sequence[RowPlane], particles: Floats, radii: Floats, size: float
 ) -> list[tuple[RowPlane, DrawnSurface]]:
-    """The parts of planes that are drawn: around what moves on them, cut by walls that meet. particles (T, N, 3); radii
-    (N,): of what touches them."""
+    """The parts of planes that are drawn: around what moves on them, cut by walls that meet; radii (N,): of what
+    touches them."""
     found = []
     for one in planes:
         tracks = particles[:, sorted(one.particles)]

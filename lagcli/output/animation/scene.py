@@ -72,8 +72,8 @@ class Viewpoint:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Mode:
-    """A way to move: a name, what is known of it, if it swings, and the positions of the points over one period,
-    (T, P, 3)."""
+    """A way to move: its name, what is known of it, if it swings, and the positions of the points over one period (T,
+    P, 3)."""
 
     name: str
     note: str

@@ -219,8 +219,7 @@ def tick_texts(values: Sequence[float], digits: int) -> list[str]:
 
 
 class DecimatedRows:
-    """Rows in arrival order, decimated evenly so that their number stays bounded; the last row is always there. marks:
-    times and kinds of incidents."""
+    """Rows in arrival order, decimated evenly to a bounded number, the last one among them; marks: of incidents."""
 
     def __init__(self) -> None:
         self.marks: list[tuple[float, str]] = []

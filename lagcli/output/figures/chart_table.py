@@ -130,7 +130,7 @@ def of_stream(stream: BinaryIO, name: str) -> Iterator[ChartTable]:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Series:
-    """A curve, decimated: x and y (k,); of all rows the largest size, whether there are negative values, and how many
+    """A decimated curve (k,), and of all its rows the largest size, whether there are negative values, and how many
     zeros."""
 
     x: Floats

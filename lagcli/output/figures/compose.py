@@ -62,8 +62,7 @@ def chosen(
 
 
 def chart(tables: Sequence[ChartTable], choice: ChartChoice) -> ChartData:
-    """The chart of some columns of tables, which are overlaid. Raises `UndrawableColumns`, and what the tables
-    raise."""
+    """The chart of columns of tables, which are overlaid. Raises `UndrawableColumns`, and what the tables raise."""
     if choice.is_log and choice.xy:
         raise UndrawableColumns("--log is for columns over an axis; --xy has one scale for both directions")
     plan = _Plan(tables, choice)

@@ -340,8 +340,8 @@ class Scale:
 
 
 def value_scale(curves: Iterable[NDArray[np.float64]], floor: float, most: int) -> Scale:
-    """The scale of the values of curves, not so fine that round-off about a constant looks like a motion; what is not
-    larger than ``floor`` is drawn as zero."""
+    """The scale of curves, not so fine that round-off looks like a motion; what is not larger than ``floor`` is
+    zero."""
     low, high = chart.ends(curves)
     largest = max(abs(low), abs(high))
     if largest <= max(floor, 1e-280):

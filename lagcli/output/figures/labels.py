@@ -19,34 +19,25 @@ TITLE, NAME, UNIT = 300, 100, 40
 _RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 # Kinds in which what is 1e-12 of the largest column is rounding: they have one unit and come from the same sums.
 COMPARABLE = ("position", "velocity", "multiplier", "constraint force")
-PLURALS = {
-    "time": "t",
-    "position": "positions",
-    "velocity": "velocities",
-    "coordinate": "coordinates",
-    "rate": "rates",
-    "multiplier": "multipliers λ",
-    "constraint force": "constraint forces R",
-    "constraint force of a coordinate": "constraint forces R of coordinates",
-    "generalized force": "generalized forces Q",
-    "energy": "energy",
-    "error": "errors",
-    "other": "",
+# Each kind with its plural, and the names that tell it, where they do.
+_KINDS = {
+    "time": ("t", r"t"),
+    "energy": ("energy", r"energy"),
+    "error": ("errors", r"err\..+"),
+    "multiplier": ("multipliers λ", r"(lambda|mu)\..+"),
+    "constraint force": ("constraint forces R", r"R\..+\.[xyz]"),
+    "constraint force of a coordinate": ("constraint forces R of coordinates", r"R\..+"),
+    "generalized force": ("generalized forces Q", r"Q\..+"),
+    "rate": ("rates", r"rate\(.+\)"),
+    "position": ("positions", ""),
+    "velocity": ("velocities", ""),
+    "coordinate": ("coordinates", ""),
+    "other": ("", ""),
 }
 # Units of these are not the same for all columns of the kind.
 OPEN = ("coordinate", "rate", "other", "constraint force of a coordinate", "generalized force", "error")
 MOST_NAMED = 3  # parameters in one name of a table
 SETTINGS = ("method", "rtol", "atol", "version")
-_KINDS = {
-    r"t": "time",
-    r"energy": "energy",
-    r"err\..+": "error",
-    r"(lambda|mu)\..+": "multiplier",
-    r"R\..+\.[xyz]": "constraint force",
-    r"R\..+": "constraint force of a coordinate",
-    r"Q\..+": "generalized force",
-    r"rate\(.+\)": "rate",
-}
 
 
 def shortened(text: str, most: int) -> str:
@@ -89,8 +80,8 @@ def with_unit(quantity: str, unit: str) -> str:
 
 
 def multiplier_unit(column: str, units: Units, known: DimensionFacts) -> str:
-    """The label of the unit of a column `lambda.NAME`: newton where f is a length, N·m where it is an angle or a
-    number, else what its equation says."""
+    """The unit of `lambda.NAME`: newton where f is a length, N·m for an angle or a number, else what its equation
+    says."""
     power = known.length(column.removeprefix("lambda."))
     if power is not None and power == int(power):
         return force_unit(units, length_power=2 - int(power))
@@ -105,9 +96,9 @@ class ColumnTexts:
         self._units = short_units(facts.units) if facts.units is not None else None
 
     def kind(self, column: str) -> str:
-        """The kind of a column, a key of PLURALS."""
-        for pattern, kind in _KINDS.items():
-            if re.fullmatch(pattern, column, re.DOTALL):
+        """The kind of a column, a key of `_KINDS`."""
+        for kind, (_, pattern) in _KINDS.items():
+            if pattern and re.fullmatch(pattern, column, re.DOTALL):
                 return kind
         stem, _, member = column.rpartition(".")
         # A vector among the outputs is no particle, and has no velocity.
@@ -150,7 +141,7 @@ class ColumnTexts:
         if not others:
             named = f"{kind} {first}" if kind in COMPARABLE else first
             return with_unit(shortened(named, TITLE), self.unit(first))
-        return with_unit(PLURALS[kind], self.unit(first))
+        return with_unit(_KINDS[kind][0], self.unit(first))
 
 
 def distinguishing(paths: Sequence[str], origins: Sequence[Mapping[str, object] | None]) -> list[str]:

@@ -28,8 +28,7 @@ MOST_COLUMNS = 4  # of two motions that are drawn
 
 
 def audit(found: Audit, unit: str = "s") -> figure.Figure:
-    """An audit: one strip for each check over time, as a part of its limit, on a logarithmic scale. ``unit``: of
-    time."""
+    """An audit: one strip for each check over time, as a part of its limit, on a logarithmic scale."""
     checks = [check for check in found.checks if check.entries and (check.law or check.verdict == "fail")]
     with figure_page.style():
         verdict = found.conclusion.partition(".")[0].partition(":")[0].partition(",")[0]

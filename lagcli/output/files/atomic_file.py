@@ -312,8 +312,8 @@ def require_free(target: Path) -> None:
 
 
 def _give_back(path: Path, number: int) -> None:
-    """Unlock, close and remove the file of a lock. It goes while the lock is there: who has opened it before finds that
-    it is gone. Windows removes no open file."""
+    """Remove the file of a lock while the lock is there, unlock and close it. Windows removes no open file: it comes
+    last there."""
     is_removed_open = sys.platform != "win32"
     if is_removed_open and _is_at(path, number):
         with contextlib.suppress(OSError):  # its folder takes nothing more

@@ -48,8 +48,8 @@ def is_table(path: str | os.PathLike[str]) -> bool:
 
 
 def of(path: Path, known: tuple[str, ...]) -> str:
-    """The ending of ``path``, in lower case, without its dot, csv for the null device where that is known. Raises
-    ``UnknownFormat`` where it is not in ``known``."""
+    """The ending of ``path``, in lower case, csv for the null device. Raises ``UnknownFormat`` where it is not
+    ``known``."""
     if str(path) == os.devnull and "csv" in known:
         return "csv"
     ending = path.suffix.lower().removeprefix(".")

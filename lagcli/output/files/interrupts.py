@@ -141,8 +141,7 @@ def _print(text: str) -> None:
 
 
 def leave(*texts: str) -> None:
-    """Keep what is printed where a signal ends the command from now on, by `final_messages` or the end of the
-    process."""
+    """Keep what is printed where a signal ends the command from now on, or by `final_messages`."""
     _final_messages[:] = texts
     _printed.clear()
 
@@ -200,7 +199,7 @@ def shielded(patience: float | None = None) -> Iterator[None]:
 
 @contextlib.contextmanager
 def window() -> Iterator[None]:
-    """Let an interrupt through inside a shielded block, one that was held back too, once: for work that may be broken
+    """Let an interrupt through once inside a shielded block, one that was held back too: for work that may be broken
     off."""
     global _shielded, _is_window
     depth, _is_window, _shielded = _shielded, True, 0

@@ -27,8 +27,7 @@ class BadRequest(Exception):
 
 @contextlib.contextmanager
 def writing(name: str) -> Iterator[None]:
-    """Take what fails inside as the writing of `name`, but for a closed pipe; an interrupt inside is an exception.
-    Raises `WriteError`."""
+    """Take what fails inside, but for a closed pipe, as the writing of `name`. Raises `WriteError`, `Interrupted`."""
     try:
         with interrupts.unwinding():
             yield
@@ -156,7 +155,7 @@ def require_writable(
     model: Iterable[File], files: Iterable[File], together: frozenset[str] = frozenset()
 ) -> None:
     """Refuse files that are one, but for two options together, and those that cannot be made or replaced, before a long
-    run and not after it."""
+    run."""
     everything = (*model, *files, *stdout())
     require_separate(everything, together)
     for file in everything:

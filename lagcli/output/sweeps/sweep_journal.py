@@ -123,8 +123,7 @@ def is_under_way(path: Path) -> bool:
 
 
 def ended_with(path: Path, identity: Mapping[str, object]) -> str:
-    """The digest of the table with which this very sweep has ended, as its journal says; else nothing. Raises
-    OSError."""
+    """The digest of the table with which this sweep has ended, as its journal says; else nothing. Raises OSError."""
     first, second = _first_lines(path) if path.is_file() else (None, None)
     return "" if not isinstance(first, dict) or _differing(first, identity) else _table_of(second)
 

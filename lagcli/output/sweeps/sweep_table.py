@@ -93,8 +93,7 @@ class PlannedRows:
 
     @property
     def shard_of(self) -> str:
-        """The cell of a shard: the same in all parts of a sweep; the number of its points is the last word. Nothing
-        for a whole sweep."""
+        """The same cell in all parts of a sweep, whose last word is the number of points; nothing for a whole sweep."""
         if not self.is_shard:
             return ""
         text = json.dumps(self.identity, sort_keys=True)
@@ -192,8 +191,7 @@ class Spread(TypedDict):
 
 
 class SweepEnding(NamedTuple):
-    """The end of a sweep, whose rows are written: the exit code, sentences to tell, and the account as JSON, where that
-    is asked for."""
+    """The end of a sweep: the exit code, sentences to tell, and the account as JSON, where that is asked for."""
 
     code: int
     messages: tuple[str, ...]

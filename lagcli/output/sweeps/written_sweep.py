@@ -357,8 +357,7 @@ def merged(paths: Sequence[str]) -> tuple[tuple[str, ...], list[PointRow], bool]
 
 
 def _read(path: str) -> tuple[tuple[str, ...], str, bool, list[PointRow]]:
-    """The columns of the whole sweep, the cell that tells it, whether its rows have checksums, and the rows of a
-    shard."""
+    """The columns of the whole sweep, the cell that tells it, whether rows have checksums, and the rows of a shard."""
     table = table_format.opened(path)
     needed = (sweep_table.NUMBER, sweep_table.STATUS, sweep_table.MESSAGE, sweep_table.END, sweep_table.SHARD)
     for name in needed:

@@ -46,8 +46,7 @@ def parsed_json(text: bytes) -> Any:
 def spliced(
     lines: Sequence[bytes], at: Sequence[int], texts: Texts, written: Callable[[str], bytes], separator: bytes
 ) -> list[bytes]:
-    """Lines of numbers with the texts (columns of text, lines) put in as they are written, so that they are the columns
-    `at`."""
+    """Lines of numbers with texts (columns of text, lines) put in as they are written: they are the columns `at`."""
     known = {text: written(text) for column in texts for text in set(column)}
     before = at[-1] + 1 - len(at)  # numbers before the last text
     found = []

@@ -52,8 +52,7 @@ class ParquetWriter:
 
 
 class ParquetTable:
-    """A Parquet file; of its columns only floating and whole numbers. Of a column that is not asked for
-    nothing is read."""
+    """A Parquet file, of whose columns floating and whole numbers are read, those that are asked for alone."""
 
     def __init__(self, path: Path, check_size: CheckSize) -> None:
         with path.open("rb"):  # what the file system says, pyarrow wraps

@@ -33,8 +33,8 @@ class Sink:
         return self._file is not None and not self._file.is_in_place
 
     def write(self, rows: NDArray[np.float64], texts: Texts = ()) -> None:
-        """Append ``rows``, shape (k, columns of numbers), and the cells of each column of text; raises ValueError for
-        another shape or an ended sink."""
+        """Append rows (k, columns of numbers) and the cells of each column of text. Raises ValueError for another
+        shape."""
         self._must_be_open()
         width, columns = len(self._head.numbers), len(self._head.texts)
         if rows.ndim != 2 or rows.shape[1] != width:
