@@ -132,28 +132,24 @@ class WrittenSweep:
             return
         with write_guard.writing("standard output"):
             table = SweepTable(sys.stdout.buffer, self.planned.columns, None, self.planned.shard_of)
-
-            def take(rows: list[PointRow]) -> None:
+            for part, rows in self._computed(0):
                 with interrupts.shielded(interrupts.PATIENCE):
                     table.write(rows)
                 self.account.take(rows)
-
-            yield from self._take_all(0, take)
+                yield part
             with interrupts.shielded(interrupts.PATIENCE):
                 table.sink.commit(durably=True, planned=len(self.planned.numbers))
 
-    def _take_all(self, there: int, take: Callable[[list[PointRow]], None]) -> Iterator[float]:
-        """Compute the rows after those that are there, and have each part of them taken."""
+    def _computed(self, there: int) -> Iterator[tuple[float, list[PointRow]]]:
+        """The rows after those that are there as they are computed, nothing at first, and the part that is there."""
         numbers = self.planned.numbers
         parts = self.compute(numbers[there:])
-        while True:
-            yield there / (len(numbers) or 1)
+        rows: list[PointRow] | None = []
+        while rows is not None:
+            there += len(rows)
+            yield there / (len(numbers) or 1), rows
             with interrupts.window():
                 rows = next(parts, None)
-            if rows is None:
-                return
-            take(rows)
-            there += len(rows)
 
     def _to_file(self) -> Iterator[float | str]:
         request, planned, target = self.request, self.planned, self.request.path
@@ -196,17 +192,14 @@ class WrittenSweep:
     def _journal_all(self, journal: SweepJournal) -> Iterator[float]:
         """Bring the rows that are missing into the journal."""
         synced = time.monotonic()
-
-        def take(rows: list[PointRow]) -> None:
-            nonlocal synced
-            journal.write(rows)
-            if time.monotonic() - synced > SYNC:
-                journal.sync()
-                synced = time.monotonic()
-
         try:
             with write_guard.writing(os.fspath(journal.path)):
-                yield from self._take_all(journal.count, take)
+                for part, rows in self._computed(journal.count):
+                    journal.write(rows)
+                    if time.monotonic() - synced > SYNC:
+                        journal.sync()
+                        synced = time.monotonic()
+                    yield part
                 journal.sync()
         except interrupts.Interrupted:
             # The rows so far go into a file of their own.
@@ -232,21 +225,17 @@ class WrittenSweep:
             table = SweepTable(target, planned.columns, planned.provenance, planned.shard_of)
         except table_format.MissingExtra as error:
             raise BadRequest(str(error)) from None
-        with contextlib.ExitStack() as stack:
-            stack.callback(table.sink.discard)
+        with table.sink as sink:
             numbers = iter(planned.numbers)
             for rows in sweep_table.blocks(journal.rows()):
                 for row in rows:
                     wanted = next(numbers, None)
                     if row.number != wanted:
-                        reason = (
-                            f"the row of the point {row.number} stands where that of {wanted} was planned"
-                        )
-                        raise OSError(errno.EIO, reason)
+                        where = f"stands where that of {wanted} was planned"
+                        raise OSError(errno.EIO, f"the row of the point {row.number} {where}")
                 table.write(rows)
                 seen(rows)
-            stack.pop_all()
-            end(table.sink)
+            end(sink)
 
 
 def _is_silent(path: Path, planned: PlannedRows) -> bool:
@@ -306,14 +295,13 @@ def write_merged(paths: Sequence[str], request: SweepRequest) -> SweepEnding:
             raise BadRequest(f"--merge: cannot read {error.filename}: {error.strerror}") from None
         except (*table_format.UNREADABLE, BadShards) as error:
             raise BadRequest(f"--merge: {error}") from None
-        with write_guard.writing(request.output or "standard output"), contextlib.ExitStack() as stack:
+        with write_guard.writing(request.output or "standard output"):
             target = sys.stdout.buffer if request.target is None else Path(request.target)
             table = SweepTable(target, columns, None)
-            stack.callback(table.sink.discard)
-            for rows in sweep_table.blocks(found):
-                table.write(rows)
-            stack.pop_all()
-            table.sink.commit(durably=True, planned=len(found))
+            with table.sink as sink:
+                for rows in sweep_table.blocks(found):
+                    table.write(rows)
+                sink.commit(durably=True, planned=len(found))
         account = SweepAccount([], False)
         account.take(found)
         notes = () if has_checksums else (UNSEEN,)
