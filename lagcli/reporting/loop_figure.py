@@ -4,9 +4,9 @@ import itertools
 
 import numpy as np
 from matplotlib import axes, figure
-from numpy.typing import NDArray
 
 from lagcli.analysis.holonomy import witness
+from lagcli.arrays import Floats
 from lagcli.output.figures import figure_page, labels
 from lagcli.output.figures.figure_page import BLUE, GREY, INK, RED
 
@@ -63,7 +63,7 @@ def _loop(plot: axes.Axes, found: witness.Witness) -> None:
     plot.plot(x, y, color=BLUE, linewidth=1.4)
     extent = np.array([np.ptp(x), np.ptp(y)])
     extent[extent == 0] = 1.0
-    seen: list[NDArray[np.float64]] = []
+    seen: list[Floats] = []
     for number, (before, after) in enumerate(itertools.pairwise(path.corners), 1):
         a, b = before[[i, j]], after[[i, j]]
         if np.abs(b - a).max() < 1e-9:
@@ -84,7 +84,7 @@ def _loop(plot: axes.Axes, found: witness.Witness) -> None:
 
 def _times(plot: axes.Axes, found: witness.Witness, index: int) -> None:
     """One coordinate over time on both paths."""
-    ends: list[NDArray[np.float64]] = []
+    ends: list[Floats] = []
     for path, colour, style in zip(found.paths, (RED, BLUE), ("-", (0, (5, 2))), strict=True):
         plot.plot(path.points[:, -1], path.points[:, index], color=colour, linestyle=style, linewidth=1.4)
         ends.append(path.points[-1])

@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import yaml_tree
+from lagcli.arrays import Floats
 from lagcli.errors import diagnostics
 from lagcli.model import model as nouns
 from lagcli.model.family import Family
@@ -24,8 +24,6 @@ from lagcli.model.model import Model, Vector3, VectorExpression
 if TYPE_CHECKING:
     from lagcli.output.figures.figure_page import PlainFigure
 
-
-Floats = npt.NDArray[np.float64]
 
 # Rows of a table, and letters of a cell: a page with more is not read.
 MOST_ROWS, MOST_CELL = 60, 300

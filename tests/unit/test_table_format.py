@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lagcli.arrays import Floats
 from lagcli.output.files import formats
 from lagcli.output.tables import sinks, table_format
 
@@ -23,7 +24,7 @@ class _Lines:
         self.columns, self.length = tuple(names), len(self._rows)
         check_size(path, self.length, len(names))
 
-    def take(self, names: Sequence[str]) -> table_format.Floats:
+    def take(self, names: Sequence[str]) -> Floats:
         return np.array(self._rows)[:, table_format.column_indices(self.columns, names)]
 
 
@@ -32,7 +33,7 @@ class _LineWriter:
         self._file = path.open("w", encoding="utf-8")
         self._file.write(json.dumps(list(head.columns)) + "\n")
 
-    def write(self, rows: table_format.Floats, texts: object = ()) -> None:
+    def write(self, rows: Floats, texts: object = ()) -> None:
         self._file.writelines(json.dumps(row) + "\n" for row in rows.tolist())
 
     def finish(self) -> None:

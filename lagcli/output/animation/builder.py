@@ -7,8 +7,8 @@ import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.errors import diagnostics
 from lagcli.model import model as nouns
 from lagcli.output.animation import links, quadratic, row_pictures, scene
@@ -16,8 +16,6 @@ from lagcli.output.animation.links import PointTable, Tie
 from lagcli.output.animation.row_pictures import RowPictures
 from lagcli.output.animation.scene import STANDING, DrawnSurface, Link, Scene, steady
 from lagcli.output.figures import chart
-
-Floats = npt.NDArray[np.float64]
 
 # Radii of particles as parts of the size of the scene: of the heaviest, and of the lightest at least.
 LARGEST, LEAST = 0.022, 0.007

@@ -9,17 +9,15 @@ import tempfile
 
 import matplotlib
 import numpy as np
-import numpy.typing as npt
 from matplotlib import animation, collections, colors, figure, lines
 from matplotlib.backends import backend_agg
 
 from lagcli import progress
+from lagcli.arrays import Floats, Integers
 from lagcli.output.animation import nets, page
 from lagcli.output.animation.scene import Scene, at_instant, largest
 from lagcli.output.figures import figure_page, labels
 from lagcli.output.files import atomic_file
-
-Floats = npt.NDArray[np.float64]
 
 RATES = {"gif": 25, "mp4": 30}  # pictures a second at most
 WIDTH, HEIGHT, DPI = 8.0, 4.5, 120  # inches; 960 by 540 pixels, an even number of each for MP4
@@ -82,7 +80,7 @@ def picture(scene: Scene, fmt: str) -> bytes:
         return figure_page.content(fmt, drawing.figure)
 
 
-def pictures(scene: Scene, fmt: str) -> tuple[npt.NDArray[np.int64], float]:
+def pictures(scene: Scene, fmt: str) -> tuple[Integers, float]:
     """The instants that are shown one after another, each a row of the run, and how many of them a second."""
     if len(scene.t) < 2:
         return np.zeros(1, dtype=np.int64), 1.0

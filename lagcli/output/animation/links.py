@@ -9,9 +9,9 @@ import re
 from collections.abc import Iterable, Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats, Integers
 from lagcli.equations import rigid
 from lagcli.linear import rank
 from lagcli.model import model as nouns
@@ -19,7 +19,6 @@ from lagcli.output.animation import scene
 from lagcli.output.animation.quadratic import PicturedRow, SquareDistance
 from lagcli.output.animation.scene import Link
 
-Floats = npt.NDArray[np.float64]
 # A particle at a fixed distance from a point hangs on a rod or lies on a sphere: the name of the row says which. A
 # second row makes a circle of the sphere; a wire by itself is what the particle hangs on.
 ROUND = re.compile(r"(?i)(sphere|ball|bowl|dome|globe|shell|surface|cylinder|pipe|drum)")
@@ -190,7 +189,7 @@ def bars(rows: Iterable[PicturedRow], points: PointTable) -> Iterator[tuple[Link
             yield Link("rod", min(names), ends), names
 
 
-def ties(samples: Floats, numbers: npt.NDArray[np.int64]) -> list[Tie]:
+def ties(samples: Floats, numbers: Integers) -> list[Tie]:
     """The constant distances of particles with these numbers, at samples (S, K, 3)."""
     if not 0 < len(numbers) <= MOST_TIED:
         return []

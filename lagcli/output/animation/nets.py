@@ -6,12 +6,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.linear import surface
 
-Floats = npt.NDArray[np.float64]
 # Of points (T, k, 3) to values (T, k); T = 1 for what does not move.
 Function = Callable[[Floats], Floats]
 

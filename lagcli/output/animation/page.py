@@ -17,12 +17,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import __version__, memory
+from lagcli.arrays import Floats
 from lagcli.output.animation import nets
 from lagcli.output.animation.scene import DrawnSurface, Scene, at_instant
 from lagcli.output.figures import labels
 from lagcli.output.files import atomic_file
-
-Floats = npt.NDArray[np.float64]
 
 ASSETS = pathlib.Path(__file__).with_name("assets")
 LIBRARY = "three-0.180.0.min.js"

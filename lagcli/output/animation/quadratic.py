@@ -12,16 +12,15 @@ from collections.abc import Iterator, Mapping
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.expression import evaluate, functions, tree
 from lagcli.expression.evaluate import Operators
 from lagcli.model import model as nouns
 from lagcli.model.family import Family, Integers
 from lagcli.model.resolve import ModelNames, Resolver
 
-Floats = npt.NDArray[np.float64]
 Coefficient = Floats | np.float64  # (T,) or a number
 ZERO = np.float64(0)
 K = TypeVar("K")

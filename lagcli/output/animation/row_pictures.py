@@ -11,9 +11,9 @@ from collections.abc import Iterator, Sequence
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.model import model as nouns
 from lagcli.output.animation import links, nets, quadratic
 from lagcli.output.animation.links import PointTable
@@ -21,7 +21,6 @@ from lagcli.output.animation.nets import Function
 from lagcli.output.animation.quadratic import Coefficient, PicturedRow, Quadratic
 from lagcli.output.animation.scene import OFF, STANDING, DrawnSurface, Link, Viewpoint, steady
 
-Floats = npt.NDArray[np.float64]
 MOST_TRIED = 60  # rows of models of more particles are not tried one by one for curves
 MOST_MOVING = 6  # shapes that move take room in a page for each instant
 FAR = 1.5  # sizes of the scene: a plane farther than this from all that moves on its side is not drawn

@@ -10,11 +10,10 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 
-Floats = npt.NDArray[np.float64]
 # Seconds on the clock of who watches: a run whose time is in seconds and lasts no longer than `WATCHABLE` keeps its own
 # time if it lasts `SHORT` at least, any other is shown within `SHOWN`.
 SHORT, WATCHABLE, SHOWN = 2, 40, 10

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli import doubles
+from lagcli.arrays import Floats, Integers
 from lagcli.simulation.run_state.statistics import KINDS
 
-Floats = NDArray[np.float64]
 Span = tuple[float, float]
 
 # Curves of one panel that a legend can tell apart; more have the colours of a sequence.
@@ -225,11 +225,11 @@ class DecimatedRows:
         self.marks: list[tuple[float, str]] = []
         self._stride = 1
         self._arrived = 0
-        self._blocks: list[NDArray[np.float64]] = []
+        self._blocks: list[Floats] = []
         self._count = 0
-        self._last: NDArray[np.float64] | None = None
+        self._last: Floats | None = None
 
-    def add(self, rows: NDArray[np.float64]) -> None:
+    def add(self, rows: Floats) -> None:
         """Take in ``rows``, shape (k, columns)."""
         if not len(rows):
             return
@@ -243,11 +243,11 @@ class DecimatedRows:
             self._count = len(self._blocks[0])
             self._stride *= 2
 
-    def mark(self, incidents: NDArray[np.float64]) -> None:
+    def mark(self, incidents: Floats) -> None:
         """Take in incidents (k, columns): their times, and their kinds by their indices in `KINDS`, come first."""
         self.marks.extend((float(t), KINDS[int(kind)]) for t, kind in incidents[:, :2])
 
-    def rows(self) -> NDArray[np.float64]:
+    def rows(self) -> Floats:
         """The rows that are left, shape (k, columns)."""
         if self._last is None:
             return np.zeros((0, 0))
@@ -255,7 +255,7 @@ class DecimatedRows:
         return np.concatenate([*self._blocks, *([] if ended else [self._last[None]])])
 
 
-def extrema(values: NDArray[np.float64], most: int) -> NDArray[np.intp]:
+def extrema(values: Floats, most: int) -> NDArray[np.intp]:
     """Indices of about ``most`` of ``values``, shape (T,): the ends and the extrema of every stretch."""
     count = len(values)
     if count <= most:
@@ -303,7 +303,7 @@ def path(x: Floats, y: Floats, most: int = PATH_POINTS, cells: int = CELLS) -> t
     return x, y
 
 
-def _moved(x: Floats, y: Floats, cells: int) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
+def _moved(x: Floats, y: Floats, cells: int) -> tuple[NDArray[np.intp], Integers]:
     """The points at which the curve comes to another cell, and the last one, with their cells; -1 for nan."""
     keys = np.zeros(len(x), dtype=np.int64)
     lost = np.zeros(len(x), dtype=bool)

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import matplotlib
 import numpy as np
 from matplotlib import axes, collections, ticker
-from numpy.typing import NDArray
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.model.model import Units
 from lagcli.output.figures import chart, figure_page, labels, panels
 from lagcli.output.figures.chart import ChartData, ChartPanel, IncidentMarks, incident_marks, squared, widened
@@ -51,7 +51,7 @@ def compose(data: ChartData) -> figure_page.NotebookFigure:
 
 def compose_run(
     columns: Sequence[str],
-    rows: NDArray[np.float64],
+    rows: Floats,
     *,
     title: str,
     units: Units,

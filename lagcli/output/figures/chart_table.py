@@ -12,15 +12,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import BinaryIO, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Floats
 from lagcli.output.figures import chart
 from lagcli.output.figures.chart import Span
 from lagcli.output.tables import provenance, table_format
 from lagcli.output.tables.provenance import TableFacts
 from lagcli.output.tables.table_format import UnreadableTable
-
-Floats = NDArray[np.float64]
 
 MOST_NUMBERS = 40_000_000  # that are read at a time, 320 MB; curves are decimated before the next are read
 BATCH = 24_000_000  # numbers at a time where there are more columns

@@ -8,8 +8,8 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Floats
 from lagcli.errors import diagnostics
 from lagcli.output.figures import chart
 from lagcli.output.figures.chart import (
@@ -21,8 +21,6 @@ from lagcli.output.figures.chart import (
     squared,
     widened,
 )
-
-Floats = NDArray[np.float64]
 
 NARROWEST = 30  # columns: narrower terminals wrap the lines
 ROWS = {1: 16, 2: 11}  # lines of axes, by the number of panels

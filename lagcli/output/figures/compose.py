@@ -8,7 +8,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import PurePath
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli import doubles
 from lagcli.errors import diagnostics
@@ -18,8 +17,6 @@ from lagcli.output.figures.chart import MOST_KEYS, ChartCurve, ChartData, ChartP
 from lagcli.output.figures.chart_table import ChartTable
 from lagcli.output.figures.labels import COMPARABLE, OPEN, ColumnTexts
 from lagcli.output.tables import table_format
-
-Floats = NDArray[np.float64]
 
 MOST_PANELS = 24  # on one page, an inch each
 # Columns that share axes only while their values are of like size: their units may differ.

@@ -18,8 +18,8 @@ import matplotlib
 import numpy as np
 from matplotlib import axes, colors, figure, font_manager, layout_engine, lines, textpath, ticker
 from matplotlib.backends import backend_agg
-from numpy.typing import NDArray
 
+from lagcli.arrays import Floats
 from lagcli.output.figures import chart, labels
 from lagcli.output.figures.chart import IncidentMarks
 from lagcli.output.files import atomic_file, formats
@@ -339,7 +339,7 @@ class Scale:
     texts: tuple[str, ...]
 
 
-def value_scale(curves: Iterable[NDArray[np.float64]], floor: float, most: int) -> Scale:
+def value_scale(curves: Iterable[Floats], floor: float, most: int) -> Scale:
     """The scale of curves, not so fine that round-off looks like a motion; what is not larger than ``floor`` is
     zero."""
     low, high = chart.ends(curves)

@@ -8,16 +8,14 @@ import dataclasses
 from collections.abc import Collection, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.model import dimension_facts
 from lagcli.model.model import Units
 from lagcli.output.figures import chart
 from lagcli.output.figures.chart import LARGEST, ChartCurve, ChartPanel, LegendKey
 from lagcli.output.figures.labels import force_unit, multiplier_unit, with_unit
-
-Floats = NDArray[np.float64]
 
 _OVERLAID = 6  # curves in one panel whose colors are told apart
 _LIKE_SIZE = 30  # curves with ranges that differ by more have panels of their own

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import axes, axis, figure, ticker
-from numpy.typing import NDArray
 
+from lagcli.arrays import Complex, Floats
 from lagcli.output.figures import figure_page, labels
 from lagcli.output.figures.figure_page import BLUE, GREEN, GREY, RED
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from lagcli.auditing.checks.audit_report import Audit
     from lagcli.linearization.linear_modes import Modes
 
-Floats = NDArray[np.float64]
 
 STRIP, PANEL = 0.62, 1.75  # inches of one check, and of a row of panels
 FLOOR = 1e-9  # what is below that part of its limit is drawn there
@@ -97,7 +96,7 @@ def modes(found: Modes, title: str) -> figure.Figure:
         return drawn
 
 
-def _particles(plot: axes.Axes, coordinates: Sequence[str], shape: NDArray[np.complex128]) -> None:
+def _particles(plot: axes.Axes, coordinates: Sequence[str], shape: Complex) -> None:
     """x, y and z over the particles, with a mark at each where they are few; imaginary parts dashed."""
     names = [name[:-2] for name in coordinates[::3]]
     numbers = np.arange(1, len(names) + 1)
@@ -114,7 +113,7 @@ def _particles(plot: axes.Axes, coordinates: Sequence[str], shape: NDArray[np.co
     plot.legend(fontsize=6, frameon=False, loc="upper right", handlelength=1.2, borderpad=0.1)
 
 
-def _bars(plot: axes.Axes, coordinates: Sequence[str], shape: NDArray[np.complex128]) -> None:
+def _bars(plot: axes.Axes, coordinates: Sequence[str], shape: Complex) -> None:
     """A bar for each coordinate, beside it a lighter one of the imaginary part."""
     numbers = np.arange(1, shape.size + 1)
     has_both = bool(np.any(shape.imag))

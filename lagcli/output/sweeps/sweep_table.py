@@ -14,14 +14,11 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple, TypedDict
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.output.files import formats
 from lagcli.output.tables import sinks, table_format
 from lagcli.output.tables.table_format import ReadTable
-
-Floats = npt.NDArray[np.float64]
 
 # Codes of a point, as `simulate` would exit.
 DONE, INVALID, STOPPED = 0, 1, 3

@@ -10,8 +10,8 @@ from typing import Any, BinaryIO
 
 import numpy as np
 import orjson
-from numpy.typing import NDArray
 
+from lagcli.arrays import Floats
 from lagcli.output.files import atomic_file
 from lagcli.output.tables.table_format import TableHead, Texts
 
@@ -22,7 +22,7 @@ _NULL = b"null"
 _BYTES = 1 << 24  # of a buffered block: large writes, and small beside what a run takes
 
 
-def csv_lines(rows: NDArray[np.float64]) -> memoryview:
+def csv_lines(rows: Floats) -> memoryview:
     """``rows``, shape (k, columns) with neither zero: numbers or nan between commas, a line a row."""
     # One list of all the numbers: turning every columns-th comma into a line end keeps the length of the text.
     text = bytearray(orjson.dumps(rows.ravel(), option=orjson.OPT_SERIALIZE_NUMPY).replace(_NULL, b"nan"))
@@ -32,7 +32,7 @@ def csv_lines(rows: NDArray[np.float64]) -> memoryview:
     return memoryview(text)[1:]
 
 
-def json_lines(rows: NDArray[np.float64]) -> bytes:
+def json_lines(rows: Floats) -> bytes:
     """``rows``, shape (k, columns), as JSON lists, a line each, with a comma between them; nan is null."""
     text = orjson.dumps(np.ascontiguousarray(rows), option=orjson.OPT_SERIALIZE_NUMPY)
     return text[1:-1].replace(b"],[", b"],\n[")
@@ -123,11 +123,11 @@ class TextWriter:
         self._numbers, self._at = head.numbers, head.text_indices
         self._has_rows = False
 
-    def _block(self, numbers: NDArray[np.float64], texts: Texts) -> bytes | memoryview:
+    def _block(self, numbers: Floats, texts: Texts) -> bytes | memoryview:
         """The text of some rows."""
         raise NotImplementedError
 
-    def write(self, rows: NDArray[np.float64], texts: Texts = ()) -> None:
+    def write(self, rows: Floats, texts: Texts = ()) -> None:
         infinite = np.flatnonzero(np.isinf(rows).any(axis=0))
         if infinite.size:  # what has no value, as a multiplier at its pole, is nan
             raise ValueError(
@@ -151,15 +151,13 @@ class BufferedRows:
     """Copies of rows of ``width`` numbers and of their texts, stored as blocks of some sixteen megabytes: (width, k),
     one contiguous line a column, good until ``store`` returns, and k cells of each column of text."""
 
-    def __init__(
-        self, width: int, texts: int, store: Callable[[NDArray[np.float64], list[list[str]]], None]
-    ) -> None:
+    def __init__(self, width: int, texts: int, store: Callable[[Floats, list[list[str]]], None]) -> None:
         self._block = np.empty((width, max(1, _BYTES // (8 * max(1, width)))))
         self._cells: list[list[str]] = [[] for _ in range(texts)]
         self._filled = 0
         self._store = store
 
-    def add(self, rows: NDArray[np.float64], texts: Texts) -> None:
+    def add(self, rows: Floats, texts: Texts) -> None:
         """Take in ``rows``, shape (k, width), and their texts, and store the blocks that have become full."""
         for column, cells in zip(self._cells, texts, strict=True):
             column.extend(cells)

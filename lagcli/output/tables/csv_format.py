@@ -18,8 +18,9 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.output.tables import cell_text, table_format
-from lagcli.output.tables.table_format import SHOWN, CheckSize, Floats, TableFormat, TableHead, Texts, bad
+from lagcli.output.tables.table_format import SHOWN, CheckSize, TableFormat, TableHead, Texts, bad
 
 MOST_LINE = 1 << 22  # characters of a line of CSV: the names of 400 000 columns
 _BLOCK = 1 << 18  # bytes looked through at a time, and parsed: larger ones leave the cache

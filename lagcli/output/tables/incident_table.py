@@ -12,12 +12,12 @@ from typing import overload
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.errors import diagnostics
 from lagcli.frozen import frozen, frozen_value
 from lagcli.model.model import Model
 from lagcli.simulation.run_state.statistics import KINDS, Incident
 
-Floats = npt.NDArray[np.float64]
 Words = npt.NDArray[np.str_]
 Column = Floats | Words
 

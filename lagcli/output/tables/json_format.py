@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from lagcli.arrays import Floats
 from lagcli.output.tables import cell_text, table_format
-from lagcli.output.tables.table_format import SHOWN, CheckSize, Floats, TableFormat, TableHead, Texts, bad
+from lagcli.output.tables.table_format import SHOWN, CheckSize, TableFormat, TableHead, Texts, bad
 
 MOST_JSON = 1 << 26  # bytes: a parsed file is up to 27 times as large (empty lists), 1.8 GB
 

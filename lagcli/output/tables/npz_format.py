@@ -20,8 +20,9 @@ from pathlib import Path
 
 import numpy as np
 
+from lagcli.arrays import Floats
 from lagcli.output.tables import cell_text, table_format
-from lagcli.output.tables.table_format import SHOWN, CheckSize, Floats, TableFormat, TableHead, Texts, bad
+from lagcli.output.tables.table_format import SHOWN, CheckSize, TableFormat, TableHead, Texts, bad
 
 _BYTES_IN_MEMORY = 1 << 23  # of rows that wait, before a file is made for them
 _MOST_COMMENT = 65_535  # bytes; the format of zip archives has no room for more

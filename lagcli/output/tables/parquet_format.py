@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet
 
+from lagcli.arrays import Floats
 from lagcli.output.tables import cell_text, table_format
-from lagcli.output.tables.table_format import CheckSize, Floats, TableFormat, TableHead, Texts, as_text, bad
+from lagcli.output.tables.table_format import CheckSize, TableFormat, TableHead, Texts, as_text, bad
 
 _BATCH = 1 << 15  # rows read at a time
 

@@ -11,8 +11,8 @@ from collections.abc import Generator, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Floats
 from lagcli.output.files import atomic_file
 
 MAGIC = b"\x93NUMPY\x03\x00"  # version 3: names in UTF-8
@@ -32,7 +32,7 @@ class SafeRows:
     checksum: int
 
 
-def of_rows(columns: Sequence[str], rows: NDArray[np.float64]) -> SafeRows:
+def of_rows(columns: Sequence[str], rows: Floats) -> SafeRows:
     """The number and the checksum of rows (k, columns)."""
     return SafeRows(len(rows), zlib.crc32(_data(rows), _begin(columns)))
 
@@ -73,7 +73,7 @@ class RowFile:
     def _end(self) -> int:
         return self._head + 8 * len(self._columns) * self._count
 
-    def write(self, rows: NDArray[np.float64]) -> None:
+    def write(self, rows: Floats) -> None:
         """Append rows, shape (k, columns)."""
         data = _data(rows)
         self._put(self._end, data)
@@ -100,7 +100,7 @@ class RowFile:
         atomic_file.put(self._file, data)
 
 
-def read(path: Path, columns: Sequence[str], rows: SafeRows) -> Generator[NDArray[np.float64], None, None]:
+def read(path: Path, columns: Sequence[str], rows: SafeRows) -> Generator[Floats, None, None]:
     """The first rows of a file, in blocks (k, columns). Raises `UnfitRows`, before the first block where the file has
     other columns or less rows and after the last for another checksum; OSError."""
     with path.open("rb") as file:
@@ -124,7 +124,7 @@ def read(path: Path, columns: Sequence[str], rows: SafeRows) -> Generator[NDArra
         raise UnfitRows(f"{path} holds the rows of a different run, or is damaged")
 
 
-def _data(rows: NDArray[np.float64]) -> bytes:
+def _data(rows: Floats) -> bytes:
     return np.ascontiguousarray(rows, "<f8").tobytes()
 
 

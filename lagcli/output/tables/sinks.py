@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import BinaryIO, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Floats
 from lagcli.output.files import atomic_file
 from lagcli.output.tables import csv_format, table_format
 from lagcli.output.tables.table_format import TableHead, TableWriter, Texts
@@ -32,7 +32,7 @@ class Sink:
         """True if the rows go into a file that is moved into place, and not to a reader who may keep them waiting."""
         return self._file is not None and not self._file.is_in_place
 
-    def write(self, rows: NDArray[np.float64], texts: Texts = ()) -> None:
+    def write(self, rows: Floats, texts: Texts = ()) -> None:
         """Append rows (k, columns of numbers) and the cells of each column of text. Raises ValueError for another
         shape."""
         self._must_be_open()

@@ -19,13 +19,12 @@ from pathlib import Path
 from typing import NamedTuple, Protocol, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Floats
 from lagcli.errors import requirements
 from lagcli.frozen import frozen_value
 from lagcli.output.files import formats
 
-Floats = NDArray[np.float64]
 Texts = Sequence[Sequence[str]]  # for each column of text, in the order of the table, its cells (k,)
 CheckSize = Callable[[Path, int, int], None]  # of a file, rows and columns; raises `UnreadableTable`
 Provenance = Mapping[str, object] | None
