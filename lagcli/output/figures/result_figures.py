@@ -101,12 +101,12 @@ def _particles(plot: axes.Axes, coordinates: Sequence[str], shape: Complex) -> N
     names = [name[:-2] for name in coordinates[::3]]
     numbers = np.arange(1, len(names) + 1)
     mark = "o" if len(names) <= 40 else None
-    for number, (axis_name, colour) in enumerate(zip("xyz", (BLUE, RED, GREEN), strict=True)):
+    for number, (letter, colour) in enumerate(zip("xyz", (BLUE, RED, GREEN), strict=True)):
         own = shape[number::3]
         for part, style in ((own.real, "-"), (own.imag, (0, (3, 2)))):
             if np.any(part):
-                (line,) = plot.plot(numbers, part, color=colour, linestyle=style, label=axis_name)
-                line.set(marker=mark, markersize=2.5, linewidth=1.2)
+                (line,) = plot.plot(numbers, part, color=colour, linestyle=style, label=letter, marker=mark)
+                line.set(markersize=2.5, linewidth=1.2)
     if len(names) <= MOST_BARS:
         plot.set_xticks(numbers, [labels.shortened(name, 10) for name in names], fontsize=6)
     plot.set_xlim(0.5, len(names) + 0.5)
