@@ -7,7 +7,6 @@ import itertools
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from lagcli.equations import energy, operation_rules
 from lagcli.equations.environment import Environment
@@ -16,8 +15,6 @@ from lagcli.equations.system import System
 from lagcli.frozen import frozen
 from lagcli.smoothness import named_functions, switches
 from lagcli.smoothness.sized_function import SizedFunction
-
-Floats = npt.NDArray[np.float64]
 
 
 @frozen

@@ -11,15 +11,13 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.equations.system import System
 from lagcli.frozen import frozen
 from lagcli.smoothness import operation_graph, switches
 from lagcli.smoothness.sized_function import SizedFunction
 from lagcli.smoothness.time_functions import MOST_OPERATIONS, MOST_STEPS
-
-Floats = npt.NDArray[np.float64]
 
 _POWERS = (ca.OP_POW, ca.OP_CONSTPOW)
 

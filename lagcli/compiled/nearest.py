@@ -7,12 +7,9 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Flags, Floats
 from lagcli.equations.system import System
-
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 OPTIONS: dict[str, bool | float | str] = {
     "print_time": False,

@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled import parts as shared
 from lagcli.compiled import selection as choice
 from lagcli.compiled.factorization import Expanded, Factored
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from lagcli.compiled.narrow_arguments import NarrowArguments
     from lagcli.equations.level_functions import LevelExpression
 
-Floats = npt.NDArray[np.float64]
 
 # Of the position projection: the error of a step or an interpolation is small, and two quadratic steps reach rounding.
 NEWTON_STEPS = 2

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.equations.system import System
 from lagcli.smoothness import operation_graph, switches
 from lagcli.smoothness.sized_function import SizedFunction
@@ -19,7 +20,6 @@ from lagcli.smoothness.sized_function import SizedFunction
 if TYPE_CHECKING:  # a count needs no pieces
     from lagcli.smoothness.switches import AnalyticPieces
 
-Floats = npt.NDArray[np.float64]
 
 # Rounds in which rows and columns are scaled in turn.
 SCALING_ROUNDS, TINY_ENTRY = 3, 1e-4

@@ -11,14 +11,11 @@ import contextlib
 import dataclasses
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Flags, Floats
 from lagcli.contact import least_distance
-from lagcli.contact.least_distance import Floats
 from lagcli.linear import rank
-
-Flags = npt.NDArray[np.bool_]
 
 
 class ComplementarityParameters:

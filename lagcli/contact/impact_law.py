@@ -21,9 +21,9 @@ import itertools
 import numpy as np
 
 from lagcli import doubles
+from lagcli.arrays import Flags, Floats
 from lagcli.contact import complementarity
-from lagcli.contact.complementarity import Flags
-from lagcli.contact.least_distance import ContradictoryRows, Floats, UndecidedRows
+from lagcli.contact.least_distance import ContradictoryRows, UndecidedRows
 from lagcli.linear import rank
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse, stacked

@@ -12,12 +12,10 @@ import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.linear import decompositions
-
-Floats = npt.NDArray[np.float64]
 
 
 class LeastDistanceParameters:

@@ -12,11 +12,10 @@ import functools
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 
-Floats = npt.NDArray[np.float64]
 # One function, or many.
 Number = TypeVar("Number", float, Floats)
 

@@ -21,10 +21,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Flags, Floats
 from lagcli.contact import zero_bounds
-from lagcli.contact.zero_bounds import Cubic, Ends, Floats, Number
+from lagcli.contact.zero_bounds import Cubic, Ends, Number
 
-Flags = npt.NDArray[np.bool_]
 # x -> values (K,) and slopes dg/dx (K,) of all functions.
 Values = Callable[[float], tuple[Floats, Floats]]
 

@@ -15,12 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.equations.symbols import Symbols
 from lagcli.frozen import frozen
 from lagcli.smoothness import operation_graph
 from lagcli.smoothness.sized_function import SizedFunction
 
-Floats = npt.NDArray[np.float64]
 T = TypeVar("T", npt.NDArray[np.float64], ca.SX)
 
 PERIODS = {code: row.period for code, row in operation_graph.FUNCTIONS.items() if row.period}

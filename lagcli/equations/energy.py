@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 import casadi as ca
 import numpy as np
 
+from lagcli.arrays import Integers
 from lagcli.equations.environment import Environment, Triple, Value, column, interleaved, scattered, taken
 from lagcli.equations.symbols import FixedExponents
 from lagcli.frozen import frozen
 from lagcli.model import model as nouns
-from lagcli.model.family import Integers
 
 
 @frozen

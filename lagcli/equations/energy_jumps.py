@@ -13,18 +13,16 @@ from typing import Protocol
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Flags, Floats, Integers
 from lagcli.equations.environment import Environment, column
 from lagcli.equations.symbols import Symbols
 from lagcli.errors import diagnostics
 from lagcli.frozen import frozen, frozen_value
 from lagcli.model import model as nouns
-from lagcli.model.family import Integers
 from lagcli.smoothness import jump_search, sides, switches
 from lagcli.smoothness.sized_function import SizedFunction
 
-Floats = npt.NDArray[np.float64]
 StateValues = jump_search.StateValues
 
 PHRASES = switches.PHRASES | {switches.QUOTIENT: "the divisor of a quotient goes through zero"}
@@ -90,7 +88,7 @@ class Crossings:
     def _between(self, k: int, way: Way, ends: tuple[float, float]) -> Jump | None:
         side, owner = np.sign(way.switches(ends[0])[k]), self.owners[k]
 
-        def is_before(part: Floats) -> sides.Flags:
+        def is_before(part: Floats) -> Flags:
             return np.asarray(np.sign(way.switches(float(part))[k]) == side)
 
         low, high = sides.bracket(is_before, *ends)

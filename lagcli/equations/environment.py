@@ -9,10 +9,10 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.arrays import Integers
 from lagcli.equations.symbols import FixedExponents, SymbolicAlgebra, Symbols
 from lagcli.expression import evaluate
 from lagcli.model import model as nouns
-from lagcli.model.family import Integers
 from lagcli.model.resolve import Leaves, ModelNames, Resolver, Results
 
 Triple = evaluate.Triple[ca.SX]

@@ -9,11 +9,11 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from lagcli.arrays import Integers
 from lagcli.equations.environment import Environment, Triple, Value, rate, scattered
 from lagcli.expression import evaluate, tree
 from lagcli.frozen import frozen
 from lagcli.model import model as nouns
-from lagcli.model.family import Integers
 from lagcli.smoothness.sized_function import SizedFunction
 
 # Below this number of members the detour costs more than it saves.

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.equations.rows import ConstraintRows, Row
 from lagcli.equations.symbols import Symbols
 from lagcli.errors import diagnostics
@@ -17,7 +18,6 @@ from lagcli.frozen import frozen
 from lagcli.smoothness import sides, switches
 from lagcli.smoothness.sized_function import SizedFunction
 
-Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
 

@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.arrays import Integers
 from lagcli.equations import energy, environment, rows
 from lagcli.equations.environment import Columns, Environment, Triple, Value
 from lagcli.equations.symbols import FixedExponents, SymbolicAlgebra
@@ -25,7 +26,7 @@ from lagcli.expression import tree
 from lagcli.expression.tree import ExpressionError
 from lagcli.frozen import frozen
 from lagcli.model import model as nouns
-from lagcli.model.family import Integers, MemberIndex
+from lagcli.model.family import MemberIndex
 from lagcli.model.resolve import Reference, is_second
 
 if TYPE_CHECKING:

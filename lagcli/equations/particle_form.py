@@ -16,14 +16,12 @@ import dataclasses
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.equations import energy, environment, family_rows, rows, system
 from lagcli.equations.environment import Environment
 from lagcli.model import model as nouns
 from lagcli.smoothness.sized_function import SizedFunction
-
-Floats = npt.NDArray[np.float64]
 
 
 def model(built: system.System, t: float, q: Floats, v: Floats) -> nouns.Model:

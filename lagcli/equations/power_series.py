@@ -13,12 +13,10 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.smoothness import operation_graph
-
-Floats = npt.NDArray[np.float64]
 
 
 class PowerSeries(NamedTuple):

@@ -13,12 +13,10 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.frozen import frozen
-
-Floats = npt.NDArray[np.float64]
 
 # The base takes the first particles that extend the span well, by this part of the body's size; where none does,
 # the one that extends it most, if by more than rounding.

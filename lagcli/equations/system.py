@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.equations import energy, environment, output_values, rows, symbols
 from lagcli.equations.environment import Columns, Environment
 from lagcli.equations.rows import ConstraintRows, ContactRows
@@ -31,8 +31,6 @@ if TYPE_CHECKING:  # loaded where the model names a function that they look for
     from lagcli.equations.energy_jumps import EnergyJumps
     from lagcli.equations.kinks import Kinks
     from lagcli.equations.rigid import Geometry
-
-Floats = npt.NDArray[np.float64]
 
 
 @frozen

@@ -13,11 +13,10 @@ from types import ModuleType
 from typing import Any, Final, Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.frozen import frozen
 
-Floats = npt.NDArray[np.float64]
 # A function in a library: its name there, or (library, arguments) -> value.
 Meaning = str | Callable[..., object]
 # Of numbers of any kind.

@@ -11,12 +11,11 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.expression import functions
 
-Floats = npt.NDArray[np.float64]
 Pair = tuple[float, float]  # a value and its size
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lagcli import yaml_tree
+from lagcli.arrays import Floats, Integers
 from lagcli.errors import diagnostics
 from lagcli.expression import facts, parser, tree
 from lagcli.expression.tree import ExpressionError
@@ -144,7 +145,7 @@ class ParticleReader:
             formulas.report(node, "mass-not-positive", message, hint)
             mass = None
         velocity = self._fields.get("velocity")
-        moving: model.Floats | None = np.zeros((formulas.members.count, 3))
+        moving: Floats | None = np.zeros((formulas.members.count, 3))
         if velocity is not None:
             moving = formulas.constant_vectors(velocity, "an initial velocity")
         if self._position is None or self._facts is None or mass is None or moving is None:
@@ -242,7 +243,7 @@ def _targets(formulas: Formulas, node: yaml_tree.AnyNode) -> tuple[namespace.Kin
     return named[0][0], model.Action(pairs % total, pairs // total)
 
 
-Named = tuple[namespace.Kind, model.Integers, bool]
+Named = tuple[namespace.Kind, Integers, bool]
 
 
 def references(
@@ -315,7 +316,7 @@ def name_list(formulas: Formulas, node: yaml_tree.AnyNode) -> list[yaml_tree.Sca
     return named if len(named) == len(items) else None
 
 
-def warn_of_shadows(formulas: Formulas, force: model.ParticleForce, masses: model.Floats) -> None:
+def warn_of_shadows(formulas: Formulas, force: model.ParticleForce, masses: Floats) -> None:
     """`m`, `r`, `v` are the particle's own in a force; say so where another of that name differs. masses: of all
     particles, (N,)."""
     for part in force.force.parts:

@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from lagcli import yaml_tree
+from lagcli.arrays import Floats
 from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, facts, hints, parser, tree
 from lagcli.expression.facts import Either, Facts, FactsAlgebra, Flag, Lookup
@@ -18,7 +19,7 @@ from lagcli.input import namespace
 from lagcli.input import scope as scopes
 from lagcli.model import family
 from lagcli.model.family import Family
-from lagcli.model.model import Expression, Floats, VectorExpression
+from lagcli.model.model import Expression, VectorExpression
 
 T = TypeVar("T")
 

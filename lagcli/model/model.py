@@ -15,9 +15,9 @@ from collections.abc import Iterator, Mapping
 from typing import Literal, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import yaml_tree
+from lagcli.arrays import Floats, Integers
 from lagcli.errors import diagnostics
 from lagcli.expression import tree
 from lagcli.frozen import frozen, frozen_value
@@ -25,8 +25,6 @@ from lagcli.model.family import Family
 from lagcli.model.settings import Simulation
 
 Vector3 = tuple[float, float, float]
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 
 
 @frozen_value

@@ -7,10 +7,11 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
+from lagcli.arrays import Integers
 from lagcli.expression import evaluate, integers, tree
 from lagcli.expression.evaluate import Value
 from lagcli.model import family
-from lagcli.model.family import Integers, MemberIndex
+from lagcli.model.family import MemberIndex
 from lagcli.model.model import Model
 
 Reference = tree.Reference

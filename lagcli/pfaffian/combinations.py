@@ -11,17 +11,15 @@ from itertools import combinations_with_replacement
 from math import comb, lcm
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.linear import decompositions
 from lagcli.pfaffian.exact import constant_combinations, guarded, normal_form, sampling
 from lagcli.pfaffian.exact.guarded import SympyFailure
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.function_field import KernelFrame
-
-Floats = npt.NDArray[np.float64]
 
 # Unknowns of one linear system: all monomials of degree 4 in seven letters.
 MAX_MONOMIALS = 330

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.linear import decompositions
 from lagcli.memory import Memory
 from lagcli.pfaffian import derived_flag as flags
@@ -23,7 +23,6 @@ from lagcli.pfaffian.forms.form import Form, PfaffianBlock
 from lagcli.pfaffian.frobenius import FormVerdict
 from lagcli.pfaffian.function_field import NotDecidedError, Values
 
-Floats = npt.NDArray[np.float64]
 T = TypeVar("T")
 
 # Operations for the search of joint integrals, which rarely ends by itself without a closed form.

@@ -12,11 +12,12 @@ import numpy as np
 import sympy
 
 from lagcli import doubles
+from lagcli.arrays import Integers
 from lagcli.expression import evaluate, tree
 from lagcli.expression.evaluate import Triple, Value
 from lagcli.model import family
 from lagcli.model import model as nouns
-from lagcli.model.family import Family, Integers
+from lagcli.model.family import Family
 from lagcli.model.invariant import FirstIntegral
 from lagcli.model.resolve import ModelNames, Resolver
 from lagcli.pfaffian import level_charts

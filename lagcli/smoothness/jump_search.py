@@ -8,17 +8,15 @@ from collections.abc import Collection, Sequence
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats, Integers
 from lagcli.expression import intervals
 from lagcli.frozen import frozen
-from lagcli.model.family import Integers
 from lagcli.smoothness import operation_graph, sides
 from lagcli.smoothness.sized_function import SizedFunction
 from lagcli.smoothness.switches import KINDS
 
-Floats = npt.NDArray[np.float64]
 # t, q and v.
 StateValues = tuple[float, Floats, Floats]
 

@@ -7,12 +7,9 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
-
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
+from lagcli.arrays import Flags, Floats
 
 
 class SideParameters:

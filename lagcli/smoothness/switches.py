@@ -11,15 +11,13 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.expression import functions
 from lagcli.expression.functions import Function
 from lagcli.smoothness import operation_graph
 from lagcli.smoothness.sized_function import SizedFunction
-
-Floats = npt.NDArray[np.float64]
 
 # An end that is touched between two points is seen where a parabola through three values comes this near to zero, as
 # a part of the smaller of the outer ones.

@@ -14,17 +14,14 @@ import operator
 from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Integers
 from lagcli.expression import evaluate, intervals, tree
 from lagcli.expression import functions as language
 from lagcli.expression.intervals import Range
 from lagcli.frozen import frozen_value
 from lagcli.memory import Memory
 from lagcli.model import model as nouns
-from lagcli.model.family import Integers
-
-Floats = npt.NDArray[np.float64]
 
 # Operations on t, values of all of them for the members of families, and operations of any kind in expressions that
 # hold t: more are left to the rows of the table.

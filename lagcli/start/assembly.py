@@ -9,9 +9,9 @@ from contextvars import ContextVar
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
@@ -23,9 +23,6 @@ from lagcli.start import initial, projection
 from lagcli.start.configuration_search import PARAMETERS as SEARCH
 from lagcli.start.configuration_search import ConfigurationResult, Search, of_size, tangential
 from lagcli.start.initial import Residuals, State
-
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 
 class AssemblyParameters:

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles, progress
+from lagcli.arrays import Flags, Floats
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
@@ -25,8 +26,6 @@ from lagcli.start.projection import Reached, Surface
 if TYPE_CHECKING:
     from lagcli.compiled.nearest import Problem
 
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 Numbers = npt.NDArray[np.intp]
 
 

@@ -6,9 +6,9 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
@@ -19,8 +19,6 @@ from lagcli.start import initial, projection
 from lagcli.start.configuration_search import ConfigurationResult, Search
 from lagcli.start.initial import State
 from lagcli.start.projection import PARAMETERS as PROJECTION
-
-Floats = npt.NDArray[np.float64]
 
 
 def least(rows: LocalRows, b: Floats) -> list[int]:

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem, bound_function
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
@@ -23,7 +24,6 @@ from lagcli.start import configuration_search, initial, projection
 from lagcli.start.configuration_search import SEED, Search
 from lagcli.start.initial import State
 
-Floats = npt.NDArray[np.float64]
 Side = Literal["open", "closed", "violated"]
 
 

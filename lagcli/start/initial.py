@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem, row_block
 from lagcli.equations import system as mechanics
 from lagcli.equations.system import System
@@ -18,8 +19,6 @@ from lagcli.linear import decompositions
 from lagcli.linear.metric import Metric, NotDefiniteError
 from lagcli.linear.metric_rows import LocalRows, Sparse, stacked
 from lagcli.model import model as nouns
-
-Floats = npt.NDArray[np.float64]
 
 
 class StartParameters:

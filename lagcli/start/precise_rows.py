@@ -14,9 +14,9 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem, multiprecision, program
 from lagcli.compiled.program import Program
 from lagcli.linear import decompositions, independent_rows, metric_rows, rank, surface
@@ -26,7 +26,6 @@ from lagcli.smoothness.sized_function import SizedFunction
 from lagcli.start import initial
 from lagcli.start.initial import State
 
-Floats = npt.NDArray[np.float64]
 Numbers = list[Decimal]
 ZERO = Decimal(0)
 

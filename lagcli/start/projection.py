@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.bound_function import PositionRows
 from lagcli.equations.system import System
@@ -23,8 +24,6 @@ from lagcli.linear.surface import Linearized
 from lagcli.start import initial
 from lagcli.start.initial import State
 from lagcli.start.precise_rows import PreciseRows
-
-Floats = npt.NDArray[np.float64]
 
 
 @frozen

@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from decimal import Decimal
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli.analysis.numeric_flag import bracket_values, spans
 from lagcli.analysis.numeric_flag.bracket_values import BracketValues, Exact, Growth
@@ -25,8 +24,6 @@ from lagcli.compiled.row_block import RowBlock
 from lagcli.equations.system import System
 from lagcli.linear import decompositions
 from lagcli.start.initial import State
-
-Floats = npt.NDArray[np.float64]
 
 CONDITION = "a combination of the rows says g dt = 0, and the condition g = 0 was not found in closed form"
 SIDES_DIFFER = "the start lies, to nine digits, on a kink (abs, sign, min, max), whose sides may differ"
