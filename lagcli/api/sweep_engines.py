@@ -196,15 +196,15 @@ class _Stream:
             yield ready
 
     def _send(self, first: int) -> None:
-        part = self._parts[first]
-        points: Sequence[tuple[float, ...]] = [self._points.point(number) for number in part]
+        numbers = tuple(self._parts[first])
+        points = [self._points.point(number) for number in numbers]
         assert self._engine.executor is not None
         try:
-            future = self._engine.executor.submit(point_task.run_points, self._task, tuple(part), points)
+            future = self._engine.executor.submit(point_task.run_points, self._task, numbers, points)
         except BrokenProcessPool:
             self._renew()
-            return
-        self._under_way[future] = first
+        else:
+            self._under_way[future] = first
 
     def _take(self, future: Future[Finished], first: int) -> None:
         """Take what has come of a part. Raises what it has raised, and `WorkersLost`."""
@@ -214,22 +214,21 @@ class _Stream:
             if self._alone:
                 self._end_alone()
             self._renew()
-            return
         except concurrent.futures.CancelledError:
-            raise WorkersLost(f"the executor has ended while {self._named()} were under way") from None
+            raise self._lost("the executor has ended") from None
         except self._engine.deadly:
             self._engine.lost += 1
             if first in self._alone:
                 self._end_alone()
             else:  # it may have done nothing but stand behind the one that has
                 self._alone += self._singly([first])
-            return
-        self._has_come, self._endings = True, 0
-        self._come[first] = found
-        self._size = _size(seconds / len(found))
-        if first in self._alone:
-            self._alone.remove(first)
-            self._pools = 1  # when the last of them is there, parts go out as before
+        else:
+            self._has_come, self._endings = True, 0
+            self._come[first] = found
+            self._size = _size(seconds / len(found))
+            if first in self._alone:
+                self._alone.remove(first)
+                self._pools = 1  # when the last of them is there, parts go out as before
 
     def _singly(self, indices: Sequence[int]) -> list[int]:
         """Divide parts at these indices into parts of one point; the indices of these."""
@@ -269,30 +268,25 @@ class _Stream:
         else:
             raise self._lost()
 
-    def _lost(self) -> WorkersLost:
-        return WorkersLost(
-            f"worker processes were ended {self._engine.lost} times, for want of memory perhaps, while"
-            f" {self._named()} were under way"
-        )
-
-    def _named(self) -> str:
+    def _lost(self, what: str = "") -> WorkersLost:
         waiting = [str(self._parts[first][0]) for first in self._parts if first not in self._come]
-        return f"the points from {', '.join(waiting[:MOST_NAMED])} on"
+        what = what or f"worker processes were ended {self._engine.lost} times, for want of memory perhaps,"
+        named = ", ".join(waiting[:MOST_NAMED])
+        return WorkersLost(f"{what} while the points from {named} on were under way")
 
 
 def _begin_worker(wanted: Connection) -> None:
     """A worker leaves interrupts to the process that it works for, and ends with it, however that ends."""
     import multiprocessing
+    from multiprocessing import connection
 
     diagnostics.leave_arithmetic_unsaid()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
-    ends = [wanted] if parent is None else [wanted, parent.sentinel]
-    threading.Thread(target=_end_with, args=(ends,), daemon=True).start()
+    ends: list[Connection | int] = [wanted] if parent is None else [wanted, parent.sentinel]
 
+    def end() -> None:
+        connection.wait(ends)
+        os._exit(1)
 
-def _end_with(ends: Sequence[Connection | int]) -> None:
-    from multiprocessing import connection
-
-    connection.wait(ends)
-    os._exit(1)
+    threading.Thread(target=end, daemon=True).start()

@@ -9,7 +9,7 @@ import os
 import pathlib
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
@@ -54,12 +54,10 @@ class Trajectory(dict[str, Floats]):
         hint = diagnostics.nearest(column, self.columns)
         raise KeyError(f"there is no column `{column}`" + (f"; {hint}" if hint else ""))
 
-    def __setitem__(self, column: str, values: Floats) -> None:
+    def _refused(self, *given: object) -> NoReturn:
         raise TypeError("a trajectory is not to be changed: copy it with dict(run)")
 
-    def __delitem__(self, column: str) -> None:
-        raise TypeError("a trajectory is not to be changed: copy it with dict(run)")
-
+    __setitem__ = __delitem__ = _refused
     __eq__ = object.__eq__  # two runs are never compared column by column
     __ne__ = object.__ne__
     __hash__ = object.__hash__  # type: ignore[assignment] # it is not to be changed
