@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lagcli import doubles
-from lagcli.auditing.checks.audit_report import Audit, CheckedLaw, judge
+from lagcli.auditing.checks.audit_report import Audit, Check, CheckedLaw, judge
 from lagcli.auditing.evidence import table_input
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import LawValues, ModelLaws
@@ -53,65 +53,53 @@ def audit(model: nouns.Model, columns: Sequence[str], rows: Array, unread: Seque
         rows[:, [column[name] for name in part]]
         for part in (names.q, names.lam, names.R_q, names.R_x, names.x)
     )
-    # What rounding does is told by points beside these
-    signs = np.random.default_rng(0).choice([-1.0, 1.0], q.shape)
+    numbers = np.arange(len(q), dtype=float)
+
+    def check(law: CheckedLaw, labels: Sequence[str], *parts: tuple[Array, Array]) -> Check:
+        """The check of residuals with their limits, (T, k) each."""
+        residual, limit = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
+        return judge(law, labels, numbers, residual, limit)
+
     with np.errstate(all="ignore"):
+        # What rounding does is told by points beside these
+        signs = np.random.default_rng(0).choice([-1.0, 1.0], q.shape)
         one = _point(laws, q, lam)
         other = _point(laws, q + ROUNDED * np.maximum(np.abs(q), 1e-3 * (_largest(q) + 1e-3)) * signs, lam)
-        here, there = one.values, other.values
-        first = laws.s - len(laws.contacts)
-        is_rest = np.ones(laws.C, dtype=bool)
-        is_rest[first : laws.s] = False
-        rest = [name for name, own in zip(laws.rows, is_rest, strict=True) if own]
-        f, b, g, push = here.f[:, :first], here.b[:, is_rest], here.f[:, first:], lam[:, first : laws.s]
+        here, there, contacts = one.values, other.values, laws.of_contacts
+        first, rest = contacts.start, np.delete(np.arange(laws.C), contacts)
+        f, b, g, push = here.f[:, :first], here.b[:, rest], here.f[:, contacts], lam[:, contacts]
         driven = _largest(one.inertial) + _largest(one.explicit)
         of_balance = doubles.ZERO * one.size + 4 * np.abs(other.total - one.total)
         of_F = 4 * np.abs(other.F_x - one.F_x) + doubles.ZERO * _largest(one.F_x)
-        off = 4 * np.abs(there.f[:, first:] - g) + 1e-12
-        laws_at_rest: list[tuple[CheckedLaw, Sequence[str], list[tuple[Array, Array]]]] = [
-            # f = 0 and b = 0, and positions of dependent particles
-            (
+        of_pull = 4 * np.abs(there.pull - here.pull) + doubles.ZERO * _largest(here.pull)
+        off = 4 * np.abs(there.f[:, contacts] - g) + 1e-12
+        checks = [
+            check(
                 POSITIONS,
-                [*laws.holonomic[:first], *(f"rate of {name}" for name in rest), *names.x],
-                [
-                    (f, 4 * (np.abs(there.f[:, :first] - f) + 1e-13 * np.maximum(_largest(q), 1.0))),
-                    (b, 4 * np.abs(there.b[:, is_rest] - b) + 1e-12),
-                    (here.x - x, 4 * np.abs(there.x - here.x) + 1e-12 * np.abs(here.x) + 1e-15),
-                ],
+                [*laws.holonomic[:first], *(f"rate of {laws.rows[i]}" for i in rest), *names.x],
+                (f, 4 * (np.abs(there.f[:, :first] - f) + 1e-13 * np.maximum(_largest(q), 1.0))),
+                (b, 4 * np.abs(there.b[:, rest] - b) + 1e-12),
+                (here.x - x, 4 * np.abs(there.x - here.x) + 1e-12 * np.abs(here.x) + 1e-15),
             ),
-            # the forces along every coordinate
-            (
+            check(
                 EQUILIBRIUM,
                 names.q,
-                [(one.total, of_balance + doubles.ROOT * driven * (one.size > 0) + 1e-300)],
+                (one.total, of_balance + doubles.ROOT * driven * (one.size > 0) + 1e-300),
             ),
-            # R of coordinates and of dependent particles
-            (
+            check(
                 REACTIONS,
                 [*names.R_q, *names.R_x],
-                [
-                    (
-                        here.pull - R_q,
-                        4 * np.abs(there.pull - here.pull) + doubles.ZERO * _largest(here.pull) + 1e-300,
-                    ),
-                    (one.inertial - one.F_x - R_x, of_F + doubles.ROOT * np.abs(one.inertial) + 1e-300),
-                ],
-            ),
-            # contacts push, and only where they touch
-            (
-                SIGNORINI,
-                [f"{word} {name}" for word in ("gap of", "force of", "either of") for name in laws.contacts],
-                [
-                    (np.minimum(g, 0), off),
-                    (np.minimum(push, 0), doubles.ZERO * _largest(lam) + 0 * push + 1e-300),
-                    (np.minimum(np.abs(g), np.abs(push)), off),
-                ],
+                (here.pull - R_q, of_pull + 1e-300),
+                (one.inertial - one.F_x - R_x, of_F + doubles.ROOT * np.abs(one.inertial) + 1e-300),
             ),
         ]
-        numbers, checks = np.arange(len(q), dtype=float), []
-        for law, labels, parts in laws_at_rest[: None if laws.contacts else -1]:
-            residual, limit = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
-            checks.append(judge(law, labels, numbers, residual, limit))
+        if laws.contacts:  # they push, and only where they touch
+            labels = [
+                f"{word} {name}" for word in ("gap of", "force of", "either of") for name in laws.contacts
+            ]
+            pulls = np.minimum(push, 0), doubles.ZERO * _largest(lam) + 0 * push + 1e-300
+            either = np.minimum(np.abs(g), np.abs(push)), off
+            checks.append(check(SIGNORINI, labels, (np.minimum(g, 0), off), pulls, either))
     return Audit(
         model.title,
         model.path,

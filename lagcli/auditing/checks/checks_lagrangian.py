@@ -140,7 +140,8 @@ def action(e: Evidence) -> list[Check]:
 
 
 def _slope(window: Window, w: Array) -> tuple[float, float, bool] | None:
-    """dS/deps by central differences at two steps, its limit, and whether it can be judged."""
+    """dS/deps by central differences at two steps, its limit, and whether it can be judged; None where f = 0 is not
+    reached."""
     e, r = window.e, window.record
     extent = max(float(np.ptp(r.q, axis=0).max()), 1e-300)
     carried = e.laws.pushed(r.t, r.q, r.v, e.masses_x * r.u) if r.x.size else np.zeros(r.q.shape)
@@ -148,9 +149,18 @@ def _slope(window: Window, w: Array) -> tuple[float, float, bool] | None:
     for step in (RESOLVED * extent, RESOLVED * extent / 2):
         sides = []
         for sign in (1.0, -1.0):
-            q = _onto(window, r.q + sign * step * window.path(w))
-            if q is None:
-                return None
+            q = r.q + sign * step * window.path(w)
+            if e.laws.C:  # moved onto f = 0 across the surface
+                size = max(1.0, float(np.abs(q).max()))
+                f = e.laws.residuals(r.t, q, r.v)[0]
+                for _ in range(12):
+                    # B of the path itself will do: q is near it.
+                    q = q - window.space.step(f)
+                    f = e.laws.residuals(r.t, q, r.v)[0]
+                    if np.abs(f).max() < 1e-15 * size:
+                        break
+                if not np.abs(f).max() < 1e-12 * size:
+                    return None
             v = window.grid.derivative(q, np.zeros(1))
             L = e.laws.total_lagrangian(r.t, q, v.value)
             p = np.abs(e.masses * v.value + e.values.L_v[window.rows] + carried)
@@ -165,22 +175,6 @@ def _slope(window: Window, w: Array) -> tuple[float, float, bool] | None:
     noise = 1e3 * e.tolerance.rtol * usual / RESOLVED + 1e-12 * usual / RESOLVED
     limit = noise + wrong + 0.1 * abs(slopes[0] - slopes[1])
     return (4 * slopes[1] - slopes[0]) / 3, limit, limit <= 0.03 * usual
-
-
-def _onto(window: Window, q: Array) -> Array | None:
-    """q (T, n) moved onto f = 0 across the surface; None where that fails."""
-    laws, t, v = window.e.laws, window.record.t, window.record.v
-    if not laws.C:
-        return q
-    size = max(1.0, float(np.abs(q).max()))
-    f = laws.residuals(t, q, v)[0]
-    for _ in range(12):
-        # B of the path itself will do: q is near it.
-        q = q - window.space.step(f)
-        f = laws.residuals(t, q, v)[0]
-        if np.abs(f).max() < 1e-15 * size:
-            break
-    return q if np.abs(f).max() < 1e-12 * size else None
 
 
 class Symmetry(NamedTuple):

@@ -132,9 +132,8 @@ class ModelLaws:
         """B (T, C, n) at few rows: rows that share no coordinate are differentiated together."""
         if not self.C:
             return np.zeros((len(t), 0, q.shape[1]))
-        if (
-            self._pattern is None
-        ):  # the coordinates that stand in a row: whatever a rate that is no number spoils
+        # The coordinates that stand in a row: whatever a rate that is no number spoils
+        if self._pattern is None:
             n = q.shape[1]
             moving = np.tile(v[:1], (n, 1))
             np.fill_diagonal(moving, np.nan)
@@ -142,16 +141,11 @@ class ModelLaws:
         pattern = self._pattern
         # Groups of rows of which no two share a coordinate, greedily
         groups: list[list[int]] = []
-        taken: list[Array] = []
         for i, row in enumerate(pattern):
-            for group, used in zip(groups, taken, strict=True):
-                if not (used & row).any():
-                    group.append(i)
-                    used |= row
-                    break
-            else:
-                groups.append([i])
-                taken.append(row.copy())
+            free_of_it = (group for group in groups if not (pattern[group] & row).any())
+            if (group := next(free_of_it, None)) is None:
+                groups.append(group := [])
+            group.append(i)
         B = np.zeros((len(t), self.C, q.shape[1]))
         true, free = self._on_tables(t[:, None], q, v)
         rows = self._rows(free)

@@ -314,20 +314,15 @@ def _of_numbers(numbers: Array) -> WrittenDigits:
     digits, ending = _ending(numbers, True) if is_short.all() else (0, ~is_short)
     decimals, others = _ending(numbers, False) if is_short.any() else (0, ~is_short)
     others &= is_short
-    if np.sum(ending) >= np.sum(others):
-        is_own = _is_whole(numbers, digits - OWN, significant=True)
-        return _rounding(WrittenDigits(digits=digits), ending, digits, ~is_own)
-    counts = decimals + np.maximum(1.0 + np.floor(np.log10(numbers)), 0)
-    looked = is_short & ~_is_whole(numbers, decimals - OWN, significant=False)
-    return _rounding(WrittenDigits(decimals=decimals), others, counts, looked)
-
-
-def _rounding(written: WrittenDigits, ending: Array, counts: Array | int, looked: Array) -> WrittenDigits:
-    """The digits where most numbers of those looked at end at the last place, with so many digits each, else all."""
-    if np.sum(ending) < HALF * np.sum(looked):
+    written, counts = WrittenDigits(digits=digits), np.asarray(digits)
+    looked = ~_is_whole(numbers, digits - OWN, significant=True)
+    if np.sum(ending) < np.sum(others):
+        written, ending = WrittenDigits(decimals=decimals), others
+        counts = decimals + np.maximum(1.0 + np.floor(np.log10(numbers)), 0)
+        looked = is_short & ~_is_whole(numbers, decimals - OWN, significant=False)
+    if np.sum(ending) < HALF * np.sum(looked):  # the others are short by themselves
         return ALL
-    together = float(np.sum(ending * counts))
-    return dataclasses.replace(written, is_told=together >= TOGETHER)
+    return dataclasses.replace(written, is_told=float(np.sum(ending * counts)) >= TOGETHER)
 
 
 def _ending(numbers: Array, significant: bool) -> tuple[int, Array]:

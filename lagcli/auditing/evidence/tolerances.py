@@ -126,8 +126,49 @@ class Evidence:
 
     @functools.cached_property
     def force_rounding(self) -> ForceRounding:
-        """The rounding of forces that balance each other."""
-        return _force_rounding(self.laws, self.record, self.values)
+        """The rounding of forces that balance each other.
+
+        A tolerance follows the size of the motion, and of one that is none it is nothing, but forces that cancel push
+        by a part of themselves.
+        """
+        laws, record, values = self.laws, self.record, self.values
+        index, own = laws.index, laws.index.first_generalized
+        if not len(record.t):
+            return ForceRounding(*(np.zeros(part.shape[1]) for part in (record.q, record.x, record.q)))
+        rows = np.unique(np.linspace(0, len(record.t) - 1, min(SAMPLES, len(record.t))).astype(np.int64))
+        random = np.random.default_rng(6)
+        part = record.part(rows)
+        moved = part.q * (1 + FURTHER * doubles.SUM * random.choice((-1.0, 1.0), size=part.q.shape))
+        there = laws.values(part.t, moved, part.v, part.lam)
+
+        def largest(y: Array) -> Array:
+            return np.asarray(np.abs(np.nan_to_num(y)).max(axis=0, initial=0.0))
+
+        q = doubles.SUM * largest(record.R_q)
+        for name in ("V_q", "Q", "L_q", "pull"):
+            whole, shifted = getattr(values, name), getattr(there, name)
+            q = q + doubles.SUM * largest(whole) + largest(shifted - whole[rows])
+        q[:own] += doubles.SUM * largest(values.F_q) + largest(there.F_q - values.F_q[rows])
+        x = doubles.SUM * (largest(record.R_x) + largest(values.V_x)) + largest(there.V_x - values.V_x[rows])
+        x = x + (doubles.SUM * largest(values.F_x) + largest(there.F_x - values.F_x[rows]))
+        # The diagonal of the mass matrix at the first row
+        n, M, M_x = index.n, index.masses_q.copy(), index.masses_x
+        t, still, lam = (np.repeat(y[:1], n + 1, axis=0) for y in (part.t, part.q, part.lam))
+        unit = np.vstack([np.eye(n), np.zeros((1, n))])
+        if laws.model.lagrangian is not None:
+            L_v = laws.values(t, still, unit, lam).L_v
+            M += np.abs(np.diagonal(L_v[:n] - L_v[n]))
+        if index.dependent.size:
+            M += (M_x * laws.displaced(t, still, 0 * unit, unit)[:n] ** 2).sum(axis=1)
+
+        def ratio(y: Array, by: Array) -> Array:
+            """y/by, and 0 where `by` is."""
+            return np.asarray(np.divide(y, by, out=np.zeros_like(y), where=by > 0))
+
+        # Multipliers are solved for together: what pushes one coordinate is rounded in all, as far as it moves them.
+        common = max((ratio(y, np.sqrt(m)).max(initial=0.0) for y, m in ((q, M), (x, M_x))), default=0.0)
+        q, x = np.maximum(q, common * np.sqrt(M)), np.maximum(x, common * np.sqrt(M_x))
+        return ForceRounding(q, x, ratio(q, M))
 
     def _off(self, y: Array, beside: Array) -> Array:
         """rtol |y| + atol; the components of particles have one size in common, each other coordinate its own."""
@@ -261,45 +302,3 @@ class Evidence:
         signs = (self._random.choice((-1.0, 1.0), size=limit.shape) for _ in range(3))
         draws = [np.abs(self.pushed(finite * each)) for each in signs]
         return np.asarray(2 * widest(np.maximum.reduce(draws)))
-
-
-def _force_rounding(laws: ModelLaws, record: Record, values: LawValues) -> ForceRounding:
-    """The rounding of the forces of a record with the values of the laws at its rows: a tolerance follows the size of
-    the motion, and of one that is none it is nothing, but forces that cancel push by a part of themselves."""
-    index, own = laws.index, laws.index.first_generalized
-    if not len(record.t):
-        return ForceRounding(*(np.zeros(part.shape[1]) for part in (record.q, record.x, record.q)))
-    rows = np.unique(np.linspace(0, len(record.t) - 1, min(SAMPLES, len(record.t))).astype(np.int64))
-    random = np.random.default_rng(6)
-    part = record.part(rows)
-    moved = part.q * (1 + FURTHER * doubles.SUM * random.choice((-1.0, 1.0), size=part.q.shape))
-    there = laws.values(part.t, moved, part.v, part.lam)
-
-    def largest(y: Array) -> Array:
-        return np.asarray(np.abs(np.nan_to_num(y)).max(axis=0, initial=0.0))
-
-    q = doubles.SUM * largest(record.R_q)
-    for name in ("V_q", "Q", "L_q", "pull"):
-        whole, shifted = getattr(values, name), getattr(there, name)
-        q = q + doubles.SUM * largest(whole) + largest(shifted - whole[rows])
-    q[:own] += doubles.SUM * largest(values.F_q) + largest(there.F_q - values.F_q[rows])
-    x = doubles.SUM * (largest(record.R_x) + largest(values.V_x)) + largest(there.V_x - values.V_x[rows])
-    x = x + (doubles.SUM * largest(values.F_x) + largest(there.F_x - values.F_x[rows]))
-    # The diagonal of the mass matrix at the first row
-    n, M, M_x = index.n, index.masses_q.copy(), index.masses_x
-    t, still, lam = (np.repeat(y[:1], n + 1, axis=0) for y in (part.t, part.q, part.lam))
-    unit = np.vstack([np.eye(n), np.zeros((1, n))])
-    if laws.model.lagrangian is not None:
-        L_v = laws.values(t, still, unit, lam).L_v
-        M += np.abs(np.diagonal(L_v[:n] - L_v[n]))
-    if index.dependent.size:
-        M += (M_x * laws.displaced(t, still, 0 * unit, unit)[:n] ** 2).sum(axis=1)
-
-    def ratio(y: Array, by: Array) -> Array:
-        """y/by, and 0 where `by` is."""
-        return np.asarray(np.divide(y, by, out=np.zeros_like(y), where=by > 0))
-
-    # The multipliers are solved for together: what pushes one coordinate is rounded in all, as far as it moves them.
-    common = max((ratio(y, np.sqrt(m)).max(initial=0.0) for y, m in ((q, M), (x, M_x))), default=0.0)
-    q, x = np.maximum(q, common * np.sqrt(M)), np.maximum(x, common * np.sqrt(M_x))
-    return ForceRounding(q, x, ratio(q, M))
