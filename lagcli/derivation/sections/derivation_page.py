@@ -65,10 +65,10 @@ class Line:
         whether a long sum goes on with it."""
         for relation, side in zip(("", *self.relations)[first:], self.sides[first:], strict=True):
             pieces, used = [side], 0
-            if isinstance(side, f.FormulaSum) and render_text.width(render_text.text(side)) > LONG:
+            if isinstance(side, f.FormulaSum) and render_text.columns(side) > LONG:
                 terms: list[list[tuple[int, f.FormulaNode]]] = [[]]
                 for term in side.terms:
-                    own = render_text.width(render_text.text(term[1])) + 3
+                    own = render_text.columns(term[1]) + 3
                     if terms[-1] and used + own > LONG:
                         terms.append([])
                         used = 0
@@ -78,12 +78,12 @@ class Line:
             for number, piece in enumerate(pieces):
                 leads_negative = isinstance(piece, f.FormulaSum) and piece.terms[0][0] < 0
                 sign = relation if number == 0 else "" if leads_negative else "+"
-                yield sign, piece, render_text.width(render_text.text(piece)) + 3, number > 0
+                yield sign, piece, render_text.columns(piece) + 3, number > 0
 
     @property
     def is_wide(self) -> bool:
         """True where the other sides would stand far to the right beside the left one."""
-        return render_text.width(render_text.text(self.sides[0])) > WIDEST_LEFT
+        return render_text.columns(self.sides[0]) > WIDEST_LEFT
 
     def latex(self) -> str:
         """The line as one equation, split where it is long."""
@@ -190,11 +190,9 @@ class Derivation:
         equations = []
         for i in range(len(system.q)):
             left = sum((system.matrix(i, j) * a for j, a in enumerate(system.a)), sympy.Integer(0))
-            right = system.h[i] + sum(
-                (row.B[i] * lam for row, lam in zip(system.rows, system.lam, strict=True) if i in row.B),
-                sympy.Integer(0),
-            )
-            equations.append(sympy.Eq(plain(left), plain(right), evaluate=False))
+            pairs = zip(system.rows, system.lam, strict=True)
+            pulls = sum((row.B[i] * lam for row, lam in pairs if i in row.B), sympy.Integer(0))
+            equations.append(sympy.Eq(plain(left), plain(system.h[i] + pulls), evaluate=False))
         return tuple(equations)
 
     def constraints(self) -> tuple[sympy.Eq, ...]:
@@ -202,16 +200,14 @@ class Derivation:
         system, plain = self.system, self.system.table.calculus.expanded
         constraints = []
         for row in system.rows:
-            value = row.f
-            if value is None:
-                value = row.b + sum((slope * system.v[i] for i, slope in row.B.items()), sympy.Integer(0))
+            value = system.velocity(row) if row.f is None else row.f
             constraints.append(sympy.Eq(plain(value), 0, evaluate=False))
         return tuple(constraints)
 
     def inequalities(self) -> tuple[sympy.Rel, ...]:
         """g >= 0, in SymPy."""
-        rows, plain = self.system.contacts.rows, self.system.table.calculus.expanded
-        return tuple(sympy.Ge(plain(row.f), 0, evaluate=False) for row in rows if row.f is not None)
+        plain = self.system.table.calculus.expanded
+        return tuple(sympy.Ge(plain(row.f), 0, evaluate=False) for row in self.system.contacts.rows)
 
     def text(self, width: int = WIDTH) -> str:
         """Unicode text in at most `width` columns where terms allow."""
@@ -242,11 +238,8 @@ class Derivation:
         each section."""
         if fragment:
             return self._latex_fragment()
-        body = "\n".join([
-            rf"\section*{{{markup.latex_words(self.title)}}}",
-            markup.latex_words(self.about),
-            self.latex_sections(),
-        ])  # fmt: skip
+        title, about = map(markup.latex_words, (self.title, self.about))
+        body = "\n".join([rf"\section*{{{title}}}", about, self.latex_sections()])
         # A title may hold letters of any language, for which there is no sign in the fonts of LaTeX.
         declarations = latex_text.declarations(body)
         return "\n".join([

@@ -51,8 +51,8 @@ class NotLinearizedError(Exception):
 class LinearPoint:
     """A point that equations are linearized about: an instant of a reference motion, or any point of rest (`general`).
 
-    numbers: q, v, a (n) and lambda of the rows and of the `closed` contacts after them, 0 where they are rounding;
-    empty for any point of rest. reason: why nothing is linearized, or empty.
+    numbers: q, v, a (n) and lambda of the rows and of the `closed` contacts, 0 where they are rounding; empty for any
+    point of rest. reason: why nothing is linearized, or empty.
     """
 
     kind: Kind = "general"
@@ -64,8 +64,7 @@ class LinearPoint:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Matrices:
-    """The entries that are not zero: M, C, K by coordinates, B (all rows) and D (differential rows) by row and
-    coordinate."""
+    """The entries that are not zero: M, C, K by coordinates, B and D (of differential rows) by row and coordinate."""
 
     M: Entries
     C: Entries
@@ -175,8 +174,7 @@ def matrices(system: Symbolic, point: LinearPoint) -> Matrices:
         for i, slope in row.B.items():
             at.enter(linear.B, (r, i), slope)
         if row.f is None:
-            rate = sum((slope * system.v[i] for i, slope in row.B.items()), row.b)
-            at.enter_slopes(linear.D, r, rate, system.q)
+            at.enter_slopes(linear.D, r, system.velocity(row), system.q)
     return linear
 
 

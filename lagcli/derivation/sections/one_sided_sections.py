@@ -81,9 +81,8 @@ class OneSided:
             note="Closed contacts (g = 0, ġ = 0) have the λ, found together "
             f"{others}for all of them at once, with which none is pressed in. Open ones have λ = 0."
         )
-        first = len(self._system.rows)
         every = self._every
-        for r, row in enumerate(self._contacts.rows, first):
+        for r, row in enumerate(self._contacts.rows, len(self._system.rows)):
             # In lambda, or in accelerations
             if equation is not None:
                 terms = (equation.S.get((r, k), ZERO) * lam for k, lam in enumerate(every.lam))
@@ -131,9 +130,8 @@ class OneSided:
                 signs.show_as(after, dataclasses.replace(signs.sign(system.v[i]), sup="+"), system.v[i])
                 total += slope * after
             yield Line("", (signs.node(total), NIL), kind="kept", family=row.family)
-        for row, impulse, e in zip(
-            self._contacts.rows, self._contact_impulses, self._contacts.restitution, strict=True
-        ):
+        contacts = list(zip(self._contacts.rows, self._contacts.restitution, strict=True))
+        for (row, e), impulse in zip(contacts, self._contact_impulses, strict=True):
             rebound: f.FormulaNode = self._g(row, 1, "+")  # g'+ + e min(g'-, 0)
             if e:
                 met = f.Apply("min", (self._g(row, 1, "-"), NIL))
@@ -141,11 +139,10 @@ class OneSided:
                 rebound = f.FormulaSum(((1, rebound), (1, given)))
             sides = (NIL, signs.node(impulse), rebound, NIL)
             yield Line("", sides, kind="impact", family=row.family, signs=COMPLEMENTARY)
-        for row, e in zip(self._contacts.rows, self._contacts.restitution, strict=True):
+        for row, e in contacts:
             if e:
-                yield self._line(
-                    (self._letters[f"restitution {row.name}"], f.FormulaNumber(f"{e:g}")), "e", row
-                )
+                letter = self._letters[f"restitution {row.name}"]
+                yield self._line((letter, f.FormulaNumber(f"{e:g}")), "e", row)
         yield Line(
             note="So a contact gives back the part e of the ġ it is met with, 0 where none is written, and there is"
             " an impulse only where it would be pressed in without."

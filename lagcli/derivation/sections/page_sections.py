@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import sympy
 
 from lagcli.derivation.sections.derivation_page import Line
-from lagcli.derivation.symbolic.calculus import NOTHING, Key
+from lagcli.derivation.symbolic.calculus import NOTHING, Key, Triple
 from lagcli.derivation.symbolic.multiplier_equations import part
 from lagcli.derivation.symbolic.signs import Signs
 from lagcli.derivation.symbolic.symbolic_system import Symbolic, SymbolicRow
@@ -47,9 +47,8 @@ class Sections:
             present = frozenset().union(*(calculus.symbols(x) for x in position))
             for i, q in enumerate(self._system.q):
                 if q in present:
-                    slope = tuple(tidy(calculus.partial(x, q)) for x in position)
-                    vector = signs.vector((slope[0], slope[1], slope[2]))
-                    if vector != NIL:
+                    slope: Triple = tuple(tidy(calculus.partial(x, q)) for x in position)
+                    if (vector := signs.vector(slope)) != NIL:
                         terms.append((1, f.FormulaProduct((vector, signs.with_prefix("δ", i)))))
             delta = f.Sign("δr", r.sub, vector=True)
             yield Line("D.28", (delta, f.joined(terms)), kind="δr", family=family)
@@ -63,8 +62,7 @@ class Sections:
                 left = signs.of_row("f", row.name)
                 yield Line("D.2", (left, signs.node(tidy(row.f)), NIL), kind="f", family=row.family)
             elif forms[row.name] == "velocities":
-                velocity = sum((slope * system.v[i] for i, slope in row.B.items()), row.b)
-                sides = signs.node(polynomial(velocity, system.v)), NIL
+                sides = signs.node(polynomial(system.velocity(row), system.v)), NIL
                 yield Line("D.4", sides, kind="f", family=row.family)
             else:
                 terms = [_times(signs.node(slope), signs.with_prefix("d", i)) for i, slope in row.B.items()]

@@ -73,7 +73,23 @@ def _solutions(
             yield title, list(_accelerations(mode, own, inverted, FREE, {}))
             continue
         equation = multiplier_equations.equation(mode, inverted.entries)
-        lines = list(_solution(mode, own, equation, inverted))
+        solved, signs = multiplier_equations.solve(mode, equation), own.signs
+        lines: list[Line] = []
+        shown = [(x, value) for x, value in solved.on.items() if not str(x).startswith("product ")]
+        if not solved.values:
+            lines.append(Line(note=f"No closed form: {solved.reason}."))
+        elif shown:
+            left, right = (tuple(map(signs.node, side)) for side in zip(*shown, strict=True))
+            lines.append(Line(note="On the constraints, where"))
+            sides = (left[0], right[0]) if len(shown) == 1 else (f.Triple(left), f.Triple(right))
+            lines.append(Line(sides=sides))
+        for r, value in solved.values.items():
+            lines.append(Line("D.24", (signs.node(mode.lam[r]), signs.node(value)), kind="lambda"))
+        if solved.values and solved.reason:
+            lines.append(Line(note=f"No closed form of the others: {solved.reason}."))
+        if solved.values:
+            put = {mode.lam[r]: value for r, value in solved.values.items()}
+            lines += _accelerations(mode, own, inverted, solved, put)
         if closed:
             whole = multiplier_equations.equation(system.all_closed, inverted.entries)
             lines += contacts.alone(closed[0], whole, multiplier_equations.surface(mode))
@@ -81,30 +97,6 @@ def _solutions(
     if len(names) > MOST_CLOSED:
         note = f"Of {len(names)} contacts the first {MOST_CLOSED} are shown closed."
         yield "Other solutions", [Line(note=note)]
-
-
-def _solution(
-    system: Symbolic,
-    parts: Sections,
-    equation: multiplier_equations.Equation,
-    inverted: multiplier_equations.Inverse,
-) -> Iterator[Line]:
-    signs = parts.signs
-    solved = multiplier_equations.solve(system, equation)
-    if not solved.values:
-        yield Line(note=f"No closed form: {solved.reason}.")
-        return
-    substituted = [(x, value) for x, value in solved.on.items() if not str(x).startswith("product ")]
-    if substituted:
-        left, right = (tuple(map(signs.node, side)) for side in zip(*substituted, strict=True))
-        yield Line(note="On the constraints, where")
-        yield Line(sides=(left[0], right[0]) if len(substituted) == 1 else (f.Triple(left), f.Triple(right)))
-    for r, value in solved.values.items():
-        yield Line("D.24", (signs.node(system.lam[r]), signs.node(value)), kind="lambda")
-    if solved.reason:
-        yield Line(note=f"No closed form of the others: {solved.reason}.")
-    put = {system.lam[r]: value for r, value in solved.values.items()}
-    yield from _accelerations(system, parts, inverted, solved, put)
 
 
 def _accelerations(

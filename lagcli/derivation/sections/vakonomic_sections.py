@@ -49,9 +49,9 @@ def lines(system: Symbolic, signs: Signs) -> Iterator[Line]:
         """sum of mu_r (d(A_r v + b_r)/dq_i - dA_ri/dt)."""
         total = ZERO
         for row, mu in zip(rows, mus, strict=True):
-            phi = sum((slope * system.v[j] for j, slope in row.B.items()), row.b)
             turned = calculus.rate(row.B[i]) if i in row.B else ZERO
-            total += mu * polynomial(tidy(calculus.partial(phi, system.q[i]) - turned), system.v)
+            curl = tidy(calculus.partial(system.velocity(row), system.q[i]) - turned)
+            total += mu * polynomial(curl, system.v)
         return total
 
     yield Line(

@@ -53,7 +53,11 @@ class SymbolTable:
         for parameter in model.parameters:
             name, value = parameter.name, parameter.value
             if name in values:
-                self.parameters[name] = self.substituted[name] = self._number_of(parameter)
+                put: Any = tuple(map(exact, value)) if isinstance(value, tuple) else exact(value)
+                formula = None if isinstance(value, tuple) else parameter.formula
+                if formula is not None and not tree.names(formula.tree) - self.constants.keys():
+                    put = self._value(formula, View())  # pi/3 rather than its decimals where it is written so
+                self.parameters[name] = self.substituted[name] = put
             elif isinstance(value, tuple):
                 parts = notation.parameter(parameter)
                 # A component that is zero is no quantity: it is left out.
@@ -84,15 +88,6 @@ class SymbolTable:
                 continue
             for member in step.member_numbers.tolist():
                 self.position(self.particles.first(step.entry) + member)
-
-    def _number_of(self, parameter: nouns.Parameter) -> Value[sympy.Expr]:
-        """The value of a parameter, pi/3 rather than its decimals where it is written so."""
-        if isinstance(parameter.value, tuple):
-            x, y, z = map(exact, parameter.value)
-            return x, y, z
-        if parameter.formula is not None and not tree.names(parameter.formula.tree) - self.constants.keys():
-            return self._value(parameter.formula, View())
-        return exact(parameter.value)
 
     def evaluated(self, expression: nouns.Expression, view: View | None = None) -> sympy.Expr:
         """A scalar. Raises `diagnostics.ModelError` for what is too large."""

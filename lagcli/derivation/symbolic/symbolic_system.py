@@ -87,6 +87,10 @@ class Symbolic:
         names = self.table.particles.names
         return {self.names.index(f"{names[number]}.x"): number for number in self.newton}
 
+    def velocity(self, row: SymbolicRow) -> sympy.Expr:
+        """B v + b of a row."""
+        return sum((slope * self.v[i] for i, slope in row.B.items()), row.b)
+
     def matrix(self, i: int, j: int) -> sympy.Expr:
         """M_ij."""
         return self.M.get((min(i, j), max(i, j)), ZERO)
@@ -127,14 +131,9 @@ def symbolic(
         for x in calculus.symbols(term) & index.keys():
             h[index[x]] -= calculus.partial(term, x)
     contacts = [
-        _holonomic(
-            table,
-            (name, law.members.base),
-            table.difference(law.equation, view(law.members, member))[0],
-            index,
-        )
+        _holonomic(table, (name, law.members.base), value, index)
         for law in model.inequality
-        for member, name in enumerate(law.rows)
+        for name, value in _values(table, law)
     ]
     return Symbolic(
         table=table,
@@ -288,10 +287,10 @@ def _rows(
 
 
 def _values(
-    table: SymbolTable, law: nouns.Holonomic | nouns.Differential
+    table: SymbolTable, law: nouns.Holonomic | nouns.Differential | nouns.Inequality
 ) -> Iterator[tuple[str, sympy.Expr]]:
     """The names of the rows of a law with left - right."""
-    each = 3 if law.is_vector else 1
+    each = len(law.rows) // max(1, law.members.count)
     for member in range(law.members.count):
         parts = table.difference(law.equation, view(law.members, member))
         yield from zip(law.rows[member * each : (member + 1) * each], parts, strict=True)

@@ -156,9 +156,8 @@ def polynomial(value: sympy.Expr, symbols: tuple[sympy.Symbol, ...]) -> sympy.Ex
     """The value with every coefficient tidied, and terms of equal coefficients together: m (x'^2 + y'^2)/2."""
     groups: dict[sympy.Expr, list[sympy.Expr]] = {}
     for monomial, coefficient in by_monomials(value, symbols):
-        negative = -coefficient
-        if negative in groups:
-            groups[negative].append(-monomial)
+        if -coefficient in groups:
+            groups[-coefficient].append(-monomial)
         else:
             groups.setdefault(coefficient, []).append(monomial)
     return sympy.Add(*(coefficient * sympy.Add(*monomials) for coefficient, monomials in groups.items()))

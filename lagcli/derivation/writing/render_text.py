@@ -29,6 +29,11 @@ def text(node: f.FormulaNode) -> str:
     return _write(node)[0]
 
 
+def columns(node: f.FormulaNode) -> int:
+    """Columns of the formula on one line."""
+    return width(text(node))
+
+
 def _sign(node: f.Sign) -> tuple[str, int]:
     """A sign with dots and subscripts: θ̇₁, ẋ_a."""
     base = node.base
