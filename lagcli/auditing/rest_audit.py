@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lagcli import doubles
-from lagcli.auditing.checks.audit_report import Audit, Check, CheckedLaw, judge
+from lagcli.auditing.checks.audit_report import Audit, CheckedLaw, judge_parts
 from lagcli.auditing.evidence import table_input
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import LawValues, ModelLaws
@@ -54,12 +54,6 @@ def audit(model: nouns.Model, columns: Sequence[str], rows: Array, unread: Seque
         for part in (names.q, names.lam, names.R_q, names.R_x, names.x)
     )
     numbers = np.arange(len(q), dtype=float)
-
-    def check(law: CheckedLaw, labels: Sequence[str], *parts: tuple[Array, Array]) -> Check:
-        """The check of residuals with their limits, (T, k) each."""
-        residual, limit = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
-        return judge(law, labels, numbers, residual, limit)
-
     with np.errstate(all="ignore"):
         # What rounding does is told by points beside these
         signs = np.random.default_rng(0).choice([-1.0, 1.0], q.shape)
@@ -74,21 +68,24 @@ def audit(model: nouns.Model, columns: Sequence[str], rows: Array, unread: Seque
         of_pull = 4 * np.abs(there.pull - here.pull) + doubles.ZERO * _largest(here.pull)
         off = 4 * np.abs(there.f[:, contacts] - g) + 1e-12
         checks = [
-            check(
+            judge_parts(
                 POSITIONS,
                 [*laws.holonomic[:first], *(f"rate of {laws.rows[i]}" for i in rest), *names.x],
+                numbers,
                 (f, 4 * (np.abs(there.f[:, :first] - f) + 1e-13 * np.maximum(_largest(q), 1.0))),
                 (b, 4 * np.abs(there.b[:, rest] - b) + 1e-12),
                 (here.x - x, 4 * np.abs(there.x - here.x) + 1e-12 * np.abs(here.x) + 1e-15),
             ),
-            check(
+            judge_parts(
                 EQUILIBRIUM,
                 names.q,
+                numbers,
                 (one.total, of_balance + doubles.ROOT * driven * (one.size > 0) + 1e-300),
             ),
-            check(
+            judge_parts(
                 REACTIONS,
                 [*names.R_q, *names.R_x],
+                numbers,
                 (here.pull - R_q, of_pull + 1e-300),
                 (one.inertial - one.F_x - R_x, of_F + doubles.ROOT * np.abs(one.inertial) + 1e-300),
             ),
@@ -99,7 +96,7 @@ def audit(model: nouns.Model, columns: Sequence[str], rows: Array, unread: Seque
             ]
             pulls = np.minimum(push, 0), doubles.ZERO * _largest(lam) + 0 * push + 1e-300
             either = np.minimum(np.abs(g), np.abs(push)), off
-            checks.append(check(SIGNORINI, labels, (np.minimum(g, 0), off), pulls, either))
+            checks.append(judge_parts(SIGNORINI, labels, numbers, (np.minimum(g, 0), off), pulls, either))
     return Audit(
         model.title,
         model.path,

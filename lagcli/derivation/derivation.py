@@ -6,11 +6,10 @@ import dataclasses
 from collections.abc import Iterable, Iterator
 
 from lagcli import progress
-from lagcli.derivation.sections import linear_section, solution_sections, vakonomic_sections
+from lagcli.derivation.sections import linear_section, page_sections, solution_sections
 from lagcli.derivation.sections.derivation_page import Derivation, Line, Section
 from lagcli.derivation.sections.linear_section import LinearPoint
 from lagcli.derivation.sections.one_sided_sections import OneSided
-from lagcli.derivation.sections.page_sections import Sections
 from lagcli.derivation.symbolic.signs import Signs
 from lagcli.derivation.symbolic.symbolic_system import symbolic
 from lagcli.derivation.writing import formula as f
@@ -57,7 +56,7 @@ def _derived(built: System, options: Options) -> Derivation:
     model = built.model
     system = symbolic(model, built.bodies, options.values)
     signs = Signs(system)
-    parts = Sections(system, signs)
+    parts = page_sections.Sections(system, signs)
     contacts = OneSided(system, signs, parts)
     has_rows = system.rows or system.contacts.rows
     # The constraints come first on the page; lengths are only known when all else is written.
@@ -79,7 +78,7 @@ def _derived(built: System, options: Options) -> Derivation:
     if options.about is not None:
         written.append((linear_section.TITLE, list(linear_section.lines(system, signs, options.about))))
     written += solution_sections.sections(system, parts, contacts, options.solve)
-    written.append((vakonomic_sections.TITLE, list(vakonomic_sections.lines(system, signs))))
+    written.append((page_sections.VAKONOMIC, list(page_sections.vakonomic(system, signs))))
     lengths = list(parts.lengths())
     index = next((i for i, (title, lines) in enumerate(written) if title == "Constraints" and lines), None)
     if lengths and index is not None:

@@ -238,6 +238,12 @@ def judge(
     )
 
 
+def judge_parts(law: CheckedLaw, names: Sequence[str], t: Array, *parts: tuple[Array, Array]) -> Check:
+    """Hold residuals against limits, (M, k) each, of several parts side by side."""
+    residual, limit = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
+    return judge(law, names, t, residual, limit)
+
+
 def merged(parts: Sequence[Check], left_out: int = 0) -> Check:
     """The check merged from several of the same name; `left_out`: entries that none of them has looked at."""
     checked = [check for check in parts if check.verdict != "nothing"]

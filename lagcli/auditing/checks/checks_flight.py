@@ -89,10 +89,10 @@ def _flights(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> Flig
     known = (closed == at_end[pairs[:, 1]]).all(axis=1) & long & ~weak[pairs].any(axis=1)
     rebounds = np.zeros(len(end.t), dtype=bool)
     left = np.zeros(end.q.shape)
-    for j, since, until in impact.unrecorded_rebounds:
+    for _, since, until, change in impact.unrecorded_rebounds:
         within = (end.t > since) & (end.t <= until)
         rebounds |= within
-        left[within] += impact.left_by_rebounds(j, since)
+        left[within] += change
     return Flights(begin, end, closed, known, rebounds, left)
 
 
@@ -146,7 +146,7 @@ def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:
     since, until = np.append(-np.inf, at), np.append(at, np.inf)
     begin, end = np.searchsorted(r.t, since, "right"), np.searchsorted(r.t, until, "left")
     rebounds = np.zeros(len(since), dtype=bool)
-    for _, start, stop in impact.unrecorded_rebounds:
+    for _, start, stop, _ in impact.unrecorded_rebounds:
         rebounds |= (since < stop) & (until > start)
     # Both sides of each instant, before and after, less one before the first row and one after the last: the state
     # there, the row next to it, the rows up to the next instant

@@ -25,7 +25,7 @@ import numpy as np
 
 from lagcli import doubles
 from lagcli.auditing.checks import checks_contact, checks_motion, checks_pointwise
-from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
+from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge, judge_parts
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.differences import TWICE
 from lagcli.auditing.evidence.laws import LawValues
@@ -113,11 +113,11 @@ class ImpactEvidence:
             checks_pointwise.dependent(one),
             checks_pointwise.dependent(other),
         )
-        residual, limit = (np.concatenate(part, axis=1) for part in zip(*held, strict=True))
         particles = (*one.names.x, *one.names.u)
         of_particles = [f"{name} {side}" for side in ("before", "after") for name in particles]
         names = [*(laws.rows[i] for i in own), *(f"rate of {laws.rows[i]}" for i in self.rows), *of_particles]
-        return judge(ROWS_AFTER, names, t, residual, limit + self.tolerance.atol)
+        atol = self.tolerance.atol
+        return judge_parts(ROWS_AFTER, names, t, *((residual, limit + atol) for residual, limit in held))
 
     def touched(self) -> Check:
         """Contacts that an incident names, or that push, are closed; none is passed through."""
@@ -158,24 +158,22 @@ class ImpactEvidence:
         return judge(RECORDED, names, incidents.t, is_wrong, np.full((1, 1), 0.5))
 
     @cached_property
-    def unrecorded_rebounds(self) -> tuple[tuple[int, float, float], ...]:
+    def unrecorded_rebounds(self) -> tuple[tuple[int, float, float, float], ...]:
         """The contacts whose rebounds end in an accumulation: the times from which they are no longer recorded, of its
-        last impact or release, and of the accumulation."""
+        last impact or release, and of the accumulation, and the most by which rebounds between change a rate."""
         incidents, rebounds = self.incidents, []
         for k in np.flatnonzero(incidents.kinds == "accumulation").tolist():
             j = int(incidents.contact[k])
             leaves = np.isin(incidents.kinds, ("impact", "release")) & (incidents.contact == j)
             end = float(incidents.t[k])
-            rebounds.append((j, float(incidents.t[leaves & (incidents.t < end)].max(initial=-np.inf)), end))
+            since = float(incidents.t[leaves & (incidents.t < end)].max(initial=-np.inf))
+            # Each rebound gives e of the one before.
+            e, rows, left = float(self.laws.model.restitution[j]), np.flatnonzero(incidents.t == since), 0.0
+            if rows.size and e < 1:
+                jump = np.abs(self.after.record.v[rows[-1]] - self.before.record.v[rows[0]])
+                left = float(jump.max(initial=0.0)) * e / (1 - e)
+            rebounds.append((j, since, end, left))
         return tuple(rebounds)
-
-    def left_by_rebounds(self, j: int, since: float) -> Array:
-        """The most by which rebounds of a contact after a time change the rates (n,): each gives e of the last one."""
-        e, rows = float(self.laws.model.restitution[j]), np.flatnonzero(self.incidents.t == since)
-        if not rows.size or e >= 1:
-            return np.zeros(self.laws.index.n)
-        jump = np.abs(self.after.record.v[rows[-1]] - self.before.record.v[rows[0]])
-        return np.asarray(jump.max(initial=0.0) * e / (1 - e) * np.ones(self.laws.index.n))
 
     @property
     def _limits_of_series(self) -> Array:
@@ -209,7 +207,7 @@ class ImpactEvidence:
         limit = self.after.noise("w")[:, self.contacts] + self.before.noise("w")[:, self.contacts]
         # Contacts that have rebounds which are no longer recorded, with both ends of that
         t, ends_rebounds = self.incidents.t, np.zeros(before.shape, dtype=bool)
-        for j, begin, end in self.unrecorded_rebounds:
+        for j, begin, end, _ in self.unrecorded_rebounds:
             ends_rebounds[(t >= begin) & (t <= end), j] = True
         unrecorded = np.where(ends_rebounds, np.abs(e * before), 0.0)
         limit = limit + self.tolerance.atol + unrecorded.clip(max=RESOLVED * np.abs(before).max(initial=0.0))
@@ -226,11 +224,9 @@ class ImpactEvidence:
             way = -after[k, j] * (t[rows[following[k]]] - t[k])
             is_open[k, j] |= way <= TWICE * (g + limit_g)[k, j]
         wrong = np.where(~pushes & is_open, 0.0, wrong)
-        sign = np.minimum(impulse, 0.0)
-        residual = np.concatenate([wrong, sign], axis=1)
-        limits = np.concatenate([limit, np.full(sign.shape, self.impulse_limit)], axis=1)
+        sign = np.minimum(impulse, 0.0), np.full(impulse.shape, self.impulse_limit)
         names = [*self.laws.contacts, *(f"impulse.{name}" for name in self.laws.contacts)]
-        return judge(IMPACTS, names, self.incidents.t, residual, limits)
+        return judge_parts(IMPACTS, names, t, (wrong, limit), sign)
 
     def losses(self) -> Check:
         """The energy lost, by velocities and by impulses, beside the work of rows and positions that move with t; no

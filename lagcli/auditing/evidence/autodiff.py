@@ -30,7 +30,7 @@ class Edge:
     parent: GraphNode
     partial: Array | float | None
     taken: Integers | None = None
-    into: slice | None = None
+    into: Integers | None = None
 
 
 @dataclasses.dataclass(slots=True, eq=False)

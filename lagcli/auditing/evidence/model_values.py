@@ -197,17 +197,13 @@ class ModelOnTable:
         components: list[Scalar] = []
         for parts in zip(*vectors, strict=True):
             pieces = [self.wide(part, own.size) for part, own in zip(parts, members, strict=True)]
-            together = np.concatenate(pieces, axis=1)
-            links, begin = [], 0
-            for part, piece in zip(parts, pieces, strict=True):
-                end = begin + piece.shape[1]
+            links = []
+            for part, own in zip(parts, members, strict=True):
                 if isinstance(part, GraphNode):
-                    column = np.zeros(piece.shape[1], dtype=np.int64)
-                    taken = column if part.value.shape[1] == 1 else np.arange(piece.shape[1])
-                    links.append(Edge(part, 1.0, taken, slice(begin, end)))
-                begin = end
-            joined = self.graph.node(together, links)
-            components.append(self.graph.node(together[:, order], (Edge(joined, 1.0, order),)))
+                    column = np.zeros(own.size, dtype=np.int64)
+                    taken = column if part.value.shape[1] == 1 else np.arange(own.size)
+                    links.append(Edge(part, 1.0, taken, own))
+            components.append(self.graph.node(np.concatenate(pieces, axis=1)[:, order], links))
         x, y, z = components
         return x, y, z
 
