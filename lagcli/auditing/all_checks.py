@@ -124,8 +124,8 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
             right = {check.name for check in judge_by(short).checks if check.verdict != "fail"}
             for k, check in enumerate(judged.checks):
                 if check.verdict == "fail" and check.name in right:
-                    law = CheckedLaw(check.name, check.law, check.equation)
-                    judged.checks[k] = law.unjudged(FEW_NUMBERS, check.entries)
+                    of_law, of_all = (check.name, check.law, check.equation), check.entries
+                    judged.checks[k] = Check(*of_law, "not judged", None, entries=of_all, note=FEW_NUMBERS)
     return Audit(
         title=model.title,
         path=model.path,

@@ -24,9 +24,8 @@ SHOWN, TERMS = 2, 16  # lines of a family that are shown before the last one; te
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Options:
-    """solve: lambda and accelerations in closed form. everything: all members of families, all terms of sums.
-    values: parameters that are put in as numbers. limit: seconds for it. about: the point of the linear equations,
-    which are left out without one."""
+    """solve: lambda and accelerations in closed form. everything: all members of families, all terms of sums. values:
+    parameters to put in as numbers. limit: in seconds. about: the point of the linear equations, if they are wanted."""
 
     solve: bool = False
     everything: bool = False
@@ -37,19 +36,17 @@ class Options:
 
 def derive(built: System, options: Options) -> Derivation:
     """The equations of motion. Raises `diagnostics.ModelError` for what is too large to be written out."""
+    hint = ""
     try:
         return time_limit.run(progress.after(options.limit), lambda: _derived(built, options))
     except (RecursionError, TooDeep):
-        raise _too_large(built, "an expression is nested too deeply") from None
+        reason = "an expression is nested too deeply"
     except time_limit.TimeUpError:
+        reason = f"it takes longer than {progress.told(options.limit)}"
         hint = "`--limit SECONDS` gives it more time"
-        raise _too_large(built, f"it takes longer than {progress.told(options.limit)}", hint) from None
-
-
-def _too_large(built: System, reason: str, hint: str = "") -> diagnostics.ModelError:
-    message = f"the equations cannot be written out: {reason}"
     where = diagnostics.Location(built.model.path, 1, 1)
-    return diagnostics.ModelError([diagnostics.Diagnostic("too-large-to-derive", message, where, hint)])
+    message = f"the equations cannot be written out: {reason}"
+    raise diagnostics.error("too-large-to-derive", message, where, hint)
 
 
 def _derived(built: System, options: Options) -> Derivation:
@@ -91,7 +88,7 @@ def _derived(built: System, options: Options) -> Derivation:
         left = f.FormulaText(name)
         right = f.Triple(tuple(map(signs.node, value))) if isinstance(value, tuple) else signs.node(value)
         substituted.append(Line(sides=(left, right), kind="value"))
-    for symbol, number in system.constants.items():
+    for symbol, number in system.table.body_constants.items():
         body = symbol.name.split(" ")[1]
         sides = signs.node(symbol), f.FormulaNumber(f"{number:.10g}")
         substituted.append(Line(sides=sides, kind="constant", family=body))

@@ -234,8 +234,7 @@ class _Outputs:
                 value = evaluate.value(output.expression.tree, algebra)
             except ExpressionError as error:
                 where = output.expression.origin.locate(error.start, error.end)
-                fault = diagnostics.Diagnostic(error.code, error.message, where, error.hint)
-                raise diagnostics.ModelError([fault]) from None
+                raise diagnostics.error(error.code, error.message, where, error.hint) from None
             except _UnknownError:
                 columns.append(np.full((self._on_table.rows, width), np.nan))
                 self.known += [False] * width

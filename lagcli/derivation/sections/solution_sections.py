@@ -89,10 +89,10 @@ def _solutions(
             lines.append(Line(note=f"No closed form of the others: {solved.reason}."))
         if solved.values:
             put = {mode.lam[r]: value for r, value in solved.values.items()}
-            lines += _accelerations(mode, own, inverted, solved, put)
+            lines.extend(_accelerations(mode, own, inverted, solved, put))
         if closed:
             whole = multiplier_equations.equation(system.all_closed, inverted.entries)
-            lines += contacts.alone(closed[0], whole, multiplier_equations.surface(mode))
+            lines.extend(contacts.alone(closed[0], whole, multiplier_equations.surface(mode)))
         yield title, lines
     if len(names) > MOST_CLOSED:
         note = f"Of {len(names)} contacts the first {MOST_CLOSED} are shown closed."

@@ -1,8 +1,7 @@
 """Derivatives with abbreviations, and vectors: a distance stays one symbol, differentiated by the chain rule.
 
-With d = |U| the derivative is dd = U . dU / d, so that nothing with a square root is ever expanded: equations stay
-as short as they are on paper, and cheap at any number of particles. Three components are recognized as the vector
-they are: (x_b - x_a, y_b - y_a, z_b - z_a)/d is (r_b - r_a)/d.
+With d = |U| the derivative is dd = U . dU / d: equations stay as short as on paper, and cheap at any number of
+particles. Three components are recognized as the vector they are: (x_b - x_a, y_b - y_a, z_b - z_a)/d is (r_b - r_a)/d.
 """
 
 from __future__ import annotations
@@ -24,10 +23,8 @@ MANY = 12  # terms: those of a longer sum are looked up by the symbols in them
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Abbreviation:
-    """A symbol for a root of `inner` (`is_root`) or for `inner` itself.
-
-    `left` and `right`: where `inner` is a product of vectors left . right, their texts for printing.
-    """
+    """A symbol for a root of `inner` (`is_root`) or for `inner` itself, where that is a product of vectors left . right
+    with these for printing."""
 
     inner: sympy.Expr
     is_root: bool
@@ -192,10 +189,10 @@ class VectorRecognizer:
 
 
 def pieces(vector: RecognizedVector) -> list[tuple[sympy.Expr, Key]]:
-    """The vector as a sum of scalar * (plain combination): forces along differences of positions are such sums.
+    """The vector as a sum of scalar * (plain combination).
 
     Where the coefficients cancel these are differences from one vector, else vectors whose coefficients differ by a
-    number share one factor. The rest along the axes, where there is one, is the last piece.
+    number share one factor. The rest along the axes is the last piece.
     """
     parts = vector.parts
     combinations: list[tuple[sympy.Expr, list[tuple[str, sympy.Expr]]]] = []

@@ -1,5 +1,5 @@
-"""(B M^-1 B^T) lambda = gamma - B M^-1 h, row by row, without inverting more than small blocks of M; and lambda in
-closed form, where there are few rows and the result can be read."""
+"""(B M^-1 B^T) lambda = gamma - B M^-1 h, row by row and by small blocks of M; lambda in closed form, where there are
+few rows and the result can be read."""
 
 from __future__ import annotations
 

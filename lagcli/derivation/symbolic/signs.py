@@ -76,7 +76,7 @@ class Signs:
                 if part.is_Symbol:
                     self._show(part, f.Sign(sign.base, (*sign.sub, axis)), f"{name}.{axis}", PARAMETER)
         letters = {"length": "ℓ", "weight": "α", "height": "η"}
-        for symbol in system.constants:
+        for symbol in table.body_constants:
             kind, body, label = symbol.name.split(" ")
             sub = ",".join(map(f.subscript, label.split(",")))
             self._show(symbol, f.Sign(letters[kind], (sub,)), f"{body}.{kind}.{label}", PARAMETER)

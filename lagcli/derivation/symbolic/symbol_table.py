@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 import sympy
@@ -22,27 +22,27 @@ from lagcli.pfaffian.forms.notation import TIME, ZERO, exact
 
 MAX_OPERATIONS = 6000  # beyond it no person reads an expression, and SymPy needs minutes for it
 
+V = TypeVar("V")
 _JUMPING = functions.named(lambda row: row.is_piecewise)
 
 
 class SymbolTable:
-    """All symbols, and the values of definitions, masses and positions.
-
-    `parameters`: the symbols (or numbers, for those in `values`) of parameters; `zeros`: components of vector
-    parameters that are zero, which are left out.
-    """
+    """All symbols, and the values of definitions, masses and positions; `parameters`: the symbols of parameters, or the
+    numbers of those in `values`; `body_constants`: the lengths and weights of rigid bodies."""
 
     def __init__(self, model: nouns.Model, values: frozenset[str] = frozenset()) -> None:
         self.model = model
         self.coordinates = notation.coordinates(model)
         self.rates = {n: sympy.Symbol(f"rate({n})", real=True) for n in self.coordinates}
         self.accelerations = {n: sympy.Symbol(f"rate(rate({n}))", real=True) for n in self.coordinates}
+        self.index = {x: i for i, x in enumerate(self.coordinates.values())}
         self.calculus = Calculus(list(self.coordinates.values()), list(self.rates.values()))
         self.recognizer = VectorRecognizer()
         self.names = ModelNames(model)
         self.particles, self.generalized = self.names.particles, self.names.coordinates
         self.constants = notation.constants(model)
         self.parameter_values: dict[sympy.Symbol, float] = {}
+        self.body_constants: dict[sympy.Symbol, float] = {}
         self.parameters: dict[str, Value[sympy.Expr]] = {}
         self.substituted: dict[str, Value[sympy.Expr]] = {}
         self._definitions = {d.name: d.expression for d in model.definitions}
@@ -53,10 +53,16 @@ class SymbolTable:
         for parameter in model.parameters:
             name, value = parameter.name, parameter.value
             if name in values:
-                put: Any = tuple(map(exact, value)) if isinstance(value, tuple) else exact(value)
-                formula = None if isinstance(value, tuple) else parameter.formula
-                if formula is not None and not tree.names(formula.tree) - self.constants.keys():
-                    put = self._value(formula, View())  # pi/3 rather than its decimals where it is written so
+                put: Value[sympy.Expr]
+                if isinstance(value, tuple):
+                    x, y, z = map(exact, value)
+                    put = x, y, z
+                elif parameter.formula and not tree.names(parameter.formula.tree) - self.constants.keys():
+                    put = self._value(
+                        parameter.formula, View(), evaluate.value
+                    )  # pi/3 where it is written so
+                else:
+                    put = exact(value)
                 self.parameters[name] = self.substituted[name] = put
             elif isinstance(value, tuple):
                 parts = notation.parameter(parameter)
@@ -91,35 +97,33 @@ class SymbolTable:
 
     def evaluated(self, expression: nouns.Expression, view: View | None = None) -> sympy.Expr:
         """A scalar. Raises `diagnostics.ModelError` for what is too large."""
-        return self._value(expression, view or View())
+        return self._value(expression, view or View(), evaluate.scalar)
 
-    def _value(
-        self, expression: nouns.Expression, view: View, take: Callable[..., Any] = evaluate.value
-    ) -> Any:
-        """A scalar or a triple, or what else `take` makes of the expression in our algebra."""
+    def _value(self, expression: nouns.Expression, view: View, take: Callable[..., V]) -> V:
+        """A scalar, a triple or a value, as `take` makes them of the expression in our algebra."""
         try:
             notation.require_short(expression.tree)
             return notation.require_small(take(expression.tree, _MemberAlgebra(self, view)), MAX_OPERATIONS)
         except notation.TooLarge as failure:
             message = f"the equations cannot be written out: {failure}"
             hint = "`check` and `simulate` have no such limit"
-            fault = diagnostics.Diagnostic("too-large-to-derive", message, expression.location, hint)
-            raise diagnostics.ModelError([fault]) from None
+            raise diagnostics.error("too-large-to-derive", message, expression.location, hint) from None
 
     def triple(self, vector: nouns.VectorExpression, view: View) -> Triple:
         """A vector expression, or three scalar ones."""
-        parts = [self._value(part, view) for part in vector.parts]
-        x, y, z = parts[0] if len(parts) == 1 else parts
+        if len(vector.parts) == 1:
+            return self._value(vector.parts[0], view, evaluate.vector)
+        x, y, z = (self.evaluated(part, view) for part in vector.parts)
         return x, y, z
 
     def difference(self, equation: nouns.Expression, view: View) -> tuple[sympy.Expr, ...]:
         """left - right of a law, one scalar or three."""
-        return tuple(self._value(equation, view, evaluate.difference))
+        return self._value(equation, view, evaluate.difference)
 
     def definition(self, name: str) -> Value[sympy.Expr]:
         """The value of a definition."""
         if name not in self._defined:
-            self._defined[name] = self._value(self._definitions[name], View())
+            self._defined[name] = self._value(self._definitions[name], View(), evaluate.value)
         return self._defined[name]
 
     def is_dependent(self, number: int) -> bool:

@@ -44,11 +44,11 @@ class SymbolicContacts:
 class Symbolic:
     """The system M a = h + B^T lambda in symbols, with the abbreviations of `table.calculus`.
 
-    names, q, v, a (n): coordinates as in the compiled system. M by numbers of coordinates, those with i <= j that
-    are not zero. newton: numbers of the Cartesian particles whose coordinates enter neither T of dependent particles
-    nor the `lagrangian`: they obey Newton's equations by themselves; lagrange: numbers of all other coordinates.
-    general: T of the dependent particles, extra: the `lagrangian`, potentials: the terms of V, forces: F_k without
-    those, by particle; Q (n): of forces without a potential; contacts: the inequalities, which are no rows here.
+    names, q, v, a (n): coordinates as in the compiled system. M by numbers of coordinates, i <= j, without zeros.
+    newton: numbers of the Cartesian particles whose coordinates enter neither T of dependent particles nor the
+    `lagrangian`, which obey Newton's equations by themselves; lagrange: numbers of all other coordinates. general: T of
+    the dependent particles, extra: the `lagrangian`, potentials: the terms of V, forces: the other F_k by particle;
+    Q (n): of forces without a potential; contacts: the inequalities, which are no rows here.
     """
 
     table: SymbolTable
@@ -67,7 +67,6 @@ class Symbolic:
     h: tuple[sympy.Expr, ...]
     rows: tuple[SymbolicRow, ...]
     lam: tuple[sympy.Symbol, ...]
-    constants: dict[sympy.Symbol, float]
     contacts: SymbolicContacts
 
     def closed(self, numbers: Sequence[int]) -> Symbolic:
@@ -98,7 +97,7 @@ class Symbolic:
     @property
     def values(self) -> dict[sympy.Symbol, float]:
         """The numbers of parameters, and of the constants of rigid bodies."""
-        return self.table.parameter_values | self.constants
+        return self.table.parameter_values | self.table.body_constants
 
 
 def symbolic(
@@ -106,12 +105,10 @@ def symbolic(
 ) -> Symbolic:
     """The system of a model. `values`: parameters to put in as numbers. Raises `diagnostics.ModelError`."""
     table = SymbolTable(model, values)
-    calculus, names = table.calculus, tuple(table.coordinates)
-    index = {x: i for i, x in enumerate(table.coordinates.values())}
-    constants: dict[sympy.Symbol, float] = {}
-    rows = tuple(_rows(table, bodies, index, constants))
+    calculus, names, index = table.calculus, tuple(table.coordinates), table.index
+    rows = tuple(_rows(table, bodies))
     potentials = tuple(_potentials(table))
-    forces, Q = _forces(table, index)
+    forces, Q = _forces(table)
     general = _kinetic(table)
     extra = ZERO if model.lagrangian is None else table.evaluated(model.lagrangian)
     through = calculus.symbols(general + extra)
@@ -131,7 +128,7 @@ def symbolic(
         for x in calculus.symbols(term) & index.keys():
             h[index[x]] -= calculus.partial(term, x)
     contacts = [
-        _holonomic(table, (name, law.members.base), value, index)
+        _holonomic(table, (name, law.members.base), value)
         for law in model.inequality
         for name, value in _values(table, law)
     ]
@@ -152,7 +149,6 @@ def symbolic(
         h=tuple(h),
         rows=rows,
         lam=_multipliers(rows),
-        constants=constants,
         contacts=SymbolicContacts(tuple(contacts), _multipliers(contacts), tuple(model.restitution.tolist())),
     )
 
@@ -180,12 +176,11 @@ def _on_particles(table: SymbolTable, force: nouns.ParticleForce) -> Iterator[tu
         yield target, table.triple(force.force, view(force.members, acting, own))
 
 
-def _forces(
-    table: SymbolTable, index: dict[sympy.Symbol, int]
-) -> tuple[dict[int, Triple], dict[int, sympy.Expr]]:
+def _forces(table: SymbolTable) -> tuple[dict[int, Triple], dict[int, sympy.Expr]]:
     """F_k of forces without a potential, and Q_j = sum_k F_k . dr_k/dq_j (D.30) with the generalized ones."""
     forces: dict[int, Triple] = {}
     Q: dict[int, sympy.Expr] = {}
+    index = table.index
     first = len(index) - len(table.generalized)
     for force in table.model.forces:
         if isinstance(force, nouns.ParticleForce) and not force.constant:
@@ -228,8 +223,7 @@ def _kinetic(table: SymbolTable) -> sympy.Expr:
                 f" {MAX_PRODUCTS} products of slopes from `{table.particles.names[number]}` on"
             )
             hint = "Cartesian particles with rows have equations of bounded length"
-            fault = diagnostics.Diagnostic("too-large-to-derive", message, particle.location, hint)
-            raise diagnostics.ModelError([fault])
+            raise diagnostics.error("too-large-to-derive", message, particle.location, hint)
         half = table.mass(number) / 2
         for i, (x, u) in enumerate(slopes):
             for y, w in slopes[i:]:
@@ -265,20 +259,15 @@ def _lagrange(
     return M, h
 
 
-def _rows(
-    table: SymbolTable,
-    bodies: tuple[rigid.Geometry, ...],
-    index: dict[sympy.Symbol, int],
-    constants: dict[sympy.Symbol, float],
-) -> Iterator[SymbolicRow]:
+def _rows(table: SymbolTable, bodies: tuple[rigid.Geometry, ...]) -> Iterator[SymbolicRow]:
     """All rows in the order of the multipliers; the constants of rigid bodies are noted with their numbers."""
     rates = {v: i for i, v in enumerate(table.rates.values())}
     for law in table.model.holonomic:
         for name, value in _values(table, law):
-            yield _holonomic(table, (name, law.members.base), value, index)
+            yield _holonomic(table, (name, law.members.base), value)
     for body, geometry in zip(table.model.rigid, bodies, strict=True):
-        for number, value in enumerate(_rigid(table, body, geometry, constants), 1):
-            yield _holonomic(table, (f"{body.name}.{number}", body.name), value, index)
+        for number, value in enumerate(_rigid(table, body, geometry), 1):
+            yield _holonomic(table, (f"{body.name}.{number}", body.name), value)
     for rule in table.model.differential:
         for name, value in _values(table, rule):
             B, b = _slopes(table, value, rates), _at_rest(table, value)
@@ -296,12 +285,10 @@ def _values(
         yield from zip(law.rows[member * each : (member + 1) * each], parts, strict=True)
 
 
-def _holonomic(
-    table: SymbolTable, names: tuple[str, str], f: sympy.Expr, index: dict[sympy.Symbol, int]
-) -> SymbolicRow:
+def _holonomic(table: SymbolTable, names: tuple[str, str], f: sympy.Expr) -> SymbolicRow:
     """A row f = 0, with its name and that of its family."""
     rate = table.calculus.rate(f)
-    B, b = _slopes(table, f, index), _at_rest(table, rate)
+    B, b = _slopes(table, f, table.index), _at_rest(table, rate)
     return SymbolicRow(*names, f, B, tidy(b), tidy(-table.calculus.rate(rate)))
 
 
@@ -324,9 +311,7 @@ def _at_rest(table: SymbolTable, value: sympy.Expr) -> sympy.Expr:
     return value.xreplace(still)
 
 
-def _rigid(
-    table: SymbolTable, body: nouns.RigidBody, geometry: rigid.Geometry, constants: dict[sympy.Symbol, float]
-) -> Iterator[sympy.Expr]:
+def _rigid(table: SymbolTable, body: nouns.RigidBody, geometry: rigid.Geometry) -> Iterator[sympy.Expr]:
     """The rows of a rigid body: distances in its base, then x, y, z of each further particle."""
     positions = [table.position(number) for number in body.particles]
     names = [table.particles.names[number] for number in body.particles]
@@ -334,7 +319,7 @@ def _rigid(
 
     def constant(name: str, value: float, positive: bool = False) -> sympy.Symbol:
         symbol = sympy.Symbol(name, real=True, positive=True if positive else None)
-        constants[symbol] = value
+        table.body_constants[symbol] = value
         return symbol
 
     for (i, j), value in zip(geometry.pairs, geometry.distances, strict=True):

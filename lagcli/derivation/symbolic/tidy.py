@@ -1,7 +1,5 @@
-"""The shorter of equal forms, by a few bounded steps: common factors, sin^2 + cos^2 = 1, sums of angles.
-
-No general simplification: every step costs little, and an expression of many operations is left as it is.
-"""
+"""The shorter of equal forms, by a few bounded steps: common factors, sin^2 + cos^2 = 1, sums of angles; an expression
+of many operations is left as it is."""
 
 from __future__ import annotations
 

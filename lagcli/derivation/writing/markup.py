@@ -18,9 +18,9 @@ from lagcli.output.latex_text import RESERVED
 class Markup:
     """The words of one language.
 
-    number: of digits and a power of ten; name: of a function and its power, each empty where there is none; row: what
-    stands side by side, as one; applied, called: a name and its argument, without and with parentheses of its own.
-    leading: a minus sign with nothing before it. Commas: between arguments, and between components.
+    number: of digits and a power of ten; name: of a function and its power, or ""; row: what stands side by side, as
+    one; applied, called: a name and its argument, without and with parentheses of its own; leading: a minus sign with
+    nothing before it; commas: between arguments, and between components.
     """
 
     sign: Callable[[f.Sign], str]
