@@ -198,7 +198,7 @@ def _with_principles(
         nonholonomic=tuple(n for n in names if kinds.get(n) == "nonholonomic"),
         undecided=tuple(n for n in names if kinds.get(n, "undecided") == "undecided"),
         tolerance=found.tolerance,
-        digits=comparison.digits_of_motion(agreement),
+        digits=min((one.digits for kind, one in agreement.items() if kind in ("r", "v")), default=None),
         parting=comparison.parting(shared, first, vakonomic, found.tolerance),
         left_out=left_out,
         until=min(first.reached, vakonomic.reached) if first.stopped or vakonomic.stopped else None,

@@ -130,8 +130,8 @@ class RestPoints:
         asked, begun = self._asked, self._start.state
         q = begun.q
         falls = self._origin == "declared"
-        is_large = falls and asked.n + asked.C > refine.PARAMETERS.large
-        found = [refine.nearest_equilibrium(asked, q, () if is_large else refine.PARAMETERS.offset)]
+        is_large = falls and asked.is_large
+        found = [refine.nearest_equilibrium(asked, q, () if is_large else refine.OFFSETS)]
         if falls:
             equations = RestEquations(asked, (), rest_equations.scales(asked, q))
             bottom = further_zeros.lowest(equations, q, 1.0)
@@ -154,7 +154,7 @@ class RestPoints:
         except diagnostics.ModelError:
             return None
         equations = RestEquations(self._asked, closed, scales)
-        x = refine.begun(equations, q)
+        x = equations.begun(q)
         if x is None:
             return None
         found = refine.settled(equations, x)
@@ -259,7 +259,7 @@ class _Question:
         problem, called, names = self._problem, self._called, self._system.model.coordinate_names
         angles = static_problem.angles(problem)
         repeating = static_problem.repeating(problem, self._system.r)
-        options = SearchOptions(self._source != "none", self._is_rest, angles, starts, seed, repeating)
+        options = SearchOptions(self._source != "none", self._is_rest, angles, seed, repeating)
         search = PointSearch(problem, options)
         search.run(0)
         whole = all_zeros.by_algebra(search)
@@ -274,8 +274,8 @@ class _Question:
             told.append(
                 f"points repeat with every turn of {turning}, by 2 pi: those next to the start are listed"
             )
-        if whole.is_told:
-            told.append(whole.reason)
+        if whole.told:
+            told.append(whole.told)
         told += [*singular_rows.notes(search, names, called), *kinks]
         points.sort(key=lambda point: (point.value is None, point.value or 0.0, tuple(point.at.values())))
         best = search.best.residual if not points else None
@@ -326,7 +326,7 @@ class _Question:
         rows = np.vstack([B, values.G[closed]])
         M = self._numeric.inertia(t, point.q, v, problem.p).full()
         if self._is_rest and closed:
-            given = point.lam[[*range(problem.C), *(problem.C + k for k in closed)]]
+            given = point.lam[problem.acting(closed)]
             shared, unique = static_report.pushing_multipliers(rows, given, M, len(B))
         else:
             unique = found.type.unique

@@ -315,7 +315,7 @@ class _StiffRuns:
         means: tuple[float | None, float | None, float | None] = (None, None, None)
         if len(t) - 1 >= IN_A_SWING / 2 * self._swings(k):
             means = self._means(t, error, followed)
-        if self._swings(k) < stiff_ladder.PARAMETERS.fewest_swings:
+        if self._swings(k) < stiff_ladder.FEWEST_SWINGS:
             means = (*means[:2], None)
         largest = float(np.abs(error[rows]).max())
         uncertainty = float(followed.uncertainty.max(initial=0.0))

@@ -25,9 +25,8 @@ TOLERANCE = 1e-8  # of the relative difference of two tables, by default
 MOST_DIGITS = float(sys.float_info.dig + 1)
 KINDS = ("r", "v", "lambda", "R", "energy", "outputs", "events")
 # Of the two principles the forces of constraint can be compared as a whole, and multipliers not: those of differential
-# rows are not there, and those of holonomic ones share the force with them. Motions that agree are one motion.
+# rows are not there, and those of holonomic ones share the force with them.
 COMPARED = ("r", "v", "R", "energy", "outputs")
-MOTION = ("r", "v")
 LABELS = {"lambda": "λ"}
 
 TITLES = {
@@ -318,11 +317,6 @@ def compare(
 def _values(shared: Sequence[str], first: Formulation, other: Formulation, count: int) -> list[Floats]:
     """The first rows of two tables in the columns that they share, (count, columns)."""
     return [run.table[:count, [run.columns.index(name) for name in shared]] for run in (first, other)]
-
-
-def digits_of_motion(agreements: Mapping[str, Agreement]) -> float | None:
-    """The fewest digits of positions and velocities."""
-    return min((one.digits for kind, one in agreements.items() if kind in MOTION), default=None)
 
 
 def parting(

@@ -42,12 +42,10 @@ Floats = npt.NDArray[np.float64]
 
 # Newton's iterations for q, and the change, as a part of the size, that ends them.
 ITERATIONS, ARRIVED = 16, 2 * doubles.EPS
-# Steps that do not shrink to SLOW of the one before ask for new derivatives; small ones that do not halve are rounding.
-SLOW, HALF = 0.1, 0.5
+# Steps that do not shrink to this part of the one before ask for new derivatives.
+SLOW = 0.1
 # The most that a step grows from one to the next.
 GROW = 6.0
-# The first step, as a part of the time in which the velocities would move the configuration by its size.
-FIRST = 1e-2
 # A chart is left where its null space has turned so far that a basis of it has grown by this factor.
 TURNED = 1.5
 A = [np.array(row) for row in dop853_tableau.A]
@@ -155,17 +153,13 @@ class Chart:
         s = functions.holonomic
         self._mix, self._G = _split(here.B, lower)
         self._mix_h, self._G_h = _split(here.B[:s], lower)
-        self._guess = q
+        self.guess = q  # where the search for a configuration begins
         self._inverse_h = _inverse(np.vstack([self._mix_h @ here.B[:s], self._G_h]))
         self._size = float(np.abs(q).max(initial=0.0)) or 1.0
         self.freedoms, self.rank = len(self._G), len(self._mix)
         self.y = np.concatenate([np.zeros(len(self._G_h)), self._G @ v])
         lengths = np.concatenate([lower.T @ q, [1e-300]])
         self.sizes = np.concatenate([np.full(len(self._G_h), np.abs(lengths).max()), np.zeros(len(self._G))])
-
-    def stand(self, q: Floats) -> None:
-        """Look for configurations from q (n,) on: a trial that was given up may have led to another branch."""
-        self._guess = q
 
     def at(self, t: float, y: Floats) -> ReducedMotion:
         """The motion at y (n - s + n - rank,). Raises `ChartError`."""
@@ -210,42 +204,32 @@ class Chart:
 
         By Newton's method from the last one, with the derivatives of an earlier point as long as they serve.
         """
-        functions, s, q = self._functions, self._functions.holonomic, self._guess
+        functions, s, q = self._functions, self._functions.holonomic, self.guess
+
+        def part(step: Floats) -> float:
+            """The largest entry of a step as a part of the size of the configuration."""
+            return float(np.abs(step).max(initial=0.0)) / self._size
+
         before = np.inf
         for _ in range(ITERATIONS):
             here = functions.point(t, q)
             residual = np.concatenate([self._mix_h @ here.f, self._G_h @ (q - self._q_ref) - xi])
             step = self._inverse_h @ residual
-            moved = self._part(step)
+            moved = part(step)
             if moved > SLOW * before and moved > doubles.VALUE:
                 self._inverse_h = _inverse(np.vstack([self._mix_h @ here.B[:s], self._G_h]))
                 step = self._inverse_h @ residual
-                moved = self._part(step)
+                moved = part(step)
             if not np.isfinite(moved):
                 break
             q = q - step
-            if moved <= ARRIVED or (moved >= HALF * before and moved <= doubles.VALUE):
-                self._guess = q
+            if moved <= ARRIVED or (before / 2 <= moved <= doubles.VALUE):
+                # There, or rounding: small steps that do not halve
+                self.guess = q
                 return q, functions.point(t, q)
             before = moved
-        self._guess = self._q_ref
+        self.guess = self._q_ref
         raise ChartError("no configuration with these independent coordinates is near")
-
-    def _part(self, step: Floats) -> float:
-        """The largest entry of a step as a part of the size of the configuration."""
-        return float(np.abs(step).max(initial=0.0)) / self._size
-
-
-def reactions(functions: DenseFunctions, t: float, motion: ReducedMotion) -> tuple[Floats, Floats]:
-    """lambda (C,) with B^T lambda = R, of dependent rows those with the least sum of lambda_i^2 B_i M^-1 B_i^T, and
-    R = M a - h (n,), the forces of constraint without multipliers (D.23, D.24)."""
-    forces = functions.forces(t, motion.q, motion.v)
-    R = forces.times(motion.a) - forces.h
-    if not functions.rows:
-        return np.zeros(0), R
-    lower = np.linalg.cholesky(forces.M)
-    white = np.linalg.solve(lower, functions.point(t, motion.q).B.T).T
-    return rank.multipliers(white, np.linalg.solve(lower, R), decompositions.lengths(white)), R
 
 
 def _split(B: Floats, lower: Floats) -> tuple[Floats, Floats]:
@@ -307,7 +291,14 @@ def run(
     stopped = None
     try:
         for t, motion in _rows(functions, grid, (q, v), settings, statistics):
-            lam, R = reactions(functions, t, motion)
+            # lambda with B^T lambda = R = M a - h, of dependent rows those with the least sum of
+            # lambda_i^2 B_i M^-1 B_i^T (D.23, D.24)
+            forces = functions.forces(t, motion.q, motion.v)
+            R, lam = forces.times(motion.a) - forces.h, np.zeros(0)
+            if functions.rows:
+                lower = np.linalg.cholesky(forces.M)
+                white = np.linalg.solve(lower, functions.point(t, motion.q).B.T).T
+                lam = rank.multipliers(white, np.linalg.solve(lower, R), decompositions.lengths(white))
             row = functions.row(t, (motion.q, motion.v, motion.a), lam)
             row[columns] = R
             found.append(row)
@@ -330,7 +321,11 @@ def _rows(
     chart, y, motion = _in_chart(functions, t, begin, statistics)
     functions.settle(t, motion.q)
     tolerance = step_tolerance.of_steps(settings)
-    h = _first(motion, grid)
+    # The first step: a hundredth of the time in which the velocities would move the configuration by its size
+    speed, size, push = (float(np.abs(part).max(initial=0.0)) for part in (motion.v, motion.q, motion.a))
+    size = size or 1.0
+    scale = min(size / speed if speed else np.inf, np.sqrt(size / push) if push else np.inf)
+    h = float(min(scale / 100, (grid.end - grid.start) or 1.0))
     timetable = Timetable(functions.timed, t, grid.step, settings.max_step or np.inf)
     statistics.seconds += time.perf_counter() - began
     pace_from = t
@@ -396,14 +391,6 @@ def _change(error: float) -> float:
     return max(controller.PARAMETERS.shrink, asked)
 
 
-def _first(motion: ReducedMotion, grid: Grid) -> float:
-    speed = float(np.abs(motion.v).max(initial=0.0))
-    size = float(np.abs(motion.q).max(initial=0.0)) or 1.0
-    push = float(np.abs(motion.a).max(initial=0.0))
-    scale = min(size / speed if speed else np.inf, np.sqrt(size / push) if push else np.inf)
-    return float(min(FIRST * scale, (grid.end - grid.start) or 1.0))
-
-
 def _step(
     chart: Chart, t: float, h: float, begin: tuple[Floats, ReducedMotion], tolerance: Floats
 ) -> tuple[float, tuple[Floats, ReducedMotion] | None]:
@@ -413,7 +400,7 @@ def _step(
     Hairer's estimate, over the largest component of each kind.
     """
     y, rate = begin[0], begin[1].rate
-    chart.stand(begin[1].q)
+    chart.guess = begin[1].q  # a trial that was given up may have led to another branch
     stages = np.zeros((dop853_tableau.STAGES, y.size))
     stages[0] = rate
     try:

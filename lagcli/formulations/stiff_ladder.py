@@ -18,24 +18,13 @@ Floats = npt.NDArray[np.float64]
 RUNGS, MOST_RUNGS = 2, 200
 # A ladder ends where what its run is uncertain by is more than this part of its error.
 UNCERTAIN = 0.1
+# In fewer swings the weights of the mean without swings rise and fall as these do.
+FEWEST_SWINGS = 4
 # Of a table with a row for each stiffness.
 COLUMNS = (
     *("stiffness", "max_error", "mean_error", "steps"),
     *("mean_uncertainty", "weighted_mean", "uncertainty"),
 )
-
-
-class StiffLadderParameters:
-    """Means over swings. The tests are of `tests/physics/test_limit.py`."""
-
-    __slots__ = ()
-
-    fewest_swings: float = 4.0
-    """In fewer swings the weights of the mean without swings rise and fall as these do.
-    `test_a_mean_without_swings_needs_four_of_them` fails at 0.4 and 40."""
-
-
-PARAMETERS = StiffLadderParameters()
 
 
 def rungs(text: str | Sequence[float]) -> tuple[float, ...]:

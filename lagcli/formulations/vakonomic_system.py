@@ -69,7 +69,18 @@ def model(built: system.System, start: VakonomicStart) -> tuple[nouns.Model, tup
     members = family.Family(FURTHER, names, tuple((i,) for i in numbers.tolist()), {"i": numbers})
     where = built.rows.rows[-1].location
     carriers = nouns.Coordinate(members, np.zeros(len(names)), start.mu, where)
-    outputs, events, unavailable = _readable(declared)
+    # Differential rows have no lambda, and the whole reaction of a Cartesian particle is no output here.
+    without = {law.members.base for law in declared.differential}
+    unavailable: dict[str, None] = {}
+
+    def has_value(name: str, expression: nouns.Expression) -> bool:
+        is_lost = _reads(expression, without, unavailable)
+        if is_lost:
+            unavailable[name] = None
+        return not is_lost
+
+    outputs = tuple(each for each in declared.outputs if has_value(each.members.base, each.expression))
+    events = tuple(each for each in declared.events if has_value(each.name, each.when))
     extended = dataclasses.replace(
         declared,
         fingerprint=f"{declared.fingerprint} vakonomic",
@@ -79,7 +90,7 @@ def model(built: system.System, start: VakonomicStart) -> tuple[nouns.Model, tup
         simulation=dataclasses.replace(declared.simulation, start=start.t, assemble=False, keep=()),
         warnings=(),
     )
-    return extended, unavailable
+    return extended, tuple(unavailable)
 
 
 def build(built: system.System, extended: nouns.Model, start: VakonomicStart) -> system.System:
@@ -164,29 +175,6 @@ def effective(built: system.System, start: VakonomicStart) -> Floats:
     found = np.zeros(count)
     found[list(start.independent)] = shares
     return found[s:]
-
-
-def _readable(
-    declared: nouns.Model,
-) -> tuple[tuple[nouns.Output, ...], tuple[nouns.DeclaredEvent, ...], tuple[str, ...]]:
-    """Outputs and events that have a value here, and the names of the others.
-
-    Differential rows have no lambda, and the whole reaction of a Cartesian particle is no output here.
-    """
-    without = {law.members.base for law in declared.differential}
-    unavailable: dict[str, None] = {}
-    outputs, events = [], []
-    for output in declared.outputs:
-        if _reads(output.expression, without, unavailable):
-            unavailable[output.members.base] = None
-        else:
-            outputs.append(output)
-    for event in declared.events:
-        if _reads(event.when, without, unavailable):
-            unavailable[event.name] = None
-        else:
-            events.append(event)
-    return tuple(outputs), tuple(events), tuple(unavailable)
 
 
 def _reads(expression: nouns.Expression, without: set[str], unavailable: Mapping[str, None]) -> bool:

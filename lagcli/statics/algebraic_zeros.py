@@ -24,25 +24,6 @@ Powers = tuple[int, ...]
 Element = tuple[Whole, int]  # coefficients in the basis of an algebra, and their denominator
 
 
-class AlgebraParameters:
-    """Sizes of the algebra. The tests are of `tests/unit/test_numbers_of_statics.py`."""
-
-    __slots__ = ()
-
-    most_dimensions: int = 36
-    """The dimension D of the algebra: what it costs grows with its fourth power.
-    At 3 and at 360 `test_an_algebra_of_thirty_six_dimensions_is_counted_and_one_of_forty_two_is_not` fails."""
-    most_zeros: int = 4096
-    """Zeros of all blocks together: as many points of rest nobody reads.
-    At 409 and at 40 960 `test_four_thousand_zeros_are_listed_and_eight_thousand_are_not` fails."""
-    digits: tuple[int, ...] = (64, 256, 1024)
-    """Binary digits with which the sign of a function of several blocks is looked for.
-    At a tenth and at ten times of them `test_a_sign_of_two_blocks_is_found_to_a_thousand_digits` fails."""
-
-
-PARAMETERS = AlgebraParameters()
-
-
 class AlgebraicZero:
     """One real zero: the zeros of its blocks together."""
 
@@ -55,7 +36,7 @@ class AlgebraicZero:
         if unknown not in self._owner:
             return 0.0
         part, i = self._owner[unknown]
-        low, high = part.enclosure(i, univariate.PARAMETERS.digits)
+        low, high = part.enclosure(i, 60)  # seven binary digits more than a double has
         try:
             return float((low + high) / 2)
         except OverflowError:
@@ -69,7 +50,7 @@ class AlgebraicZero:
         if len(parts) == 1 and indices <= self._owner.keys():
             (part,) = parts.values()
             return part.sign(polynomial)
-        for digits in PARAMETERS.digits:
+        for digits in (64, 256, 1024):
             low, high = self._bounds(polynomial, squares, digits)
             if low > 0 or high < 0 or low == high:
                 return (low > 0) - (high < 0)
@@ -126,7 +107,7 @@ def zeros(
             block = _ZeroBlock(ring, polynomials, indices, own)
         every = [_BlockZero(block, root) for root in block.roots]
         part = [zero for zero in every if all(zero.sign(d) for d in own)]
-        if len(found) * len(part) > PARAMETERS.most_zeros:
+        if len(found) * len(part) > 4096:  # as many points of rest nobody reads
             raise NotCounted("there are too many of them")
         found = [(*before, one) for before in found for one in part]
     return [AlgebraicZero(parts) for parts in found]
@@ -182,7 +163,7 @@ class _ZeroBlock:
         if any(e.is_ground for e in basis):
             return
         self._algebra = _QuotientAlgebra(self._ring, basis)
-        self._representation = Representation(self._algebra)
+        self._representation = Representation(self._algebra.generators, self._algebra.traces)
         self.one = self._representation.one  # g_1
         self.roots = self._representation.roots()
         # g and a factor of each unknown: x_k is g/(factor g_1)
@@ -237,7 +218,21 @@ class _QuotientAlgebra:
             common = math.lcm(*(below for _, below in rows))
             self.generators.append(([[x * (common // below) for x in row] for row, below in rows], common))
         self._products: dict[Powers, Element] = {}
-        self.traces = self._traces()
+        # The traces of all products of two monomials of the basis, over one denominator
+        sums = [[tuple(map(operator.add, a, b)) for b in self.monomials] for a in self.monomials]
+        pairs = [[self._product(monomial) for monomial in row] for row in sums]
+        single = [
+            sum((Fraction(pairs[j][i][0][i], pairs[j][i][1]) for i in range(self.D)), Fraction(0))
+            for j in range(self.D)
+        ]
+        below = math.lcm(*(x.denominator for x in single))
+        whole = [x.numerator * (below // x.denominator) for x in single]
+        traces = [
+            [Fraction(univariate.dot(element, whole), below * denominator) for element, denominator in row]
+            for row in pairs
+        ]
+        common = math.lcm(*(x.denominator for row in traces for x in row))
+        self.traces = [[x.numerator * (common // x.denominator) for x in row] for row in traces], common
 
     def reduced(self, polynomial: PolyElement) -> Element:
         """A polynomial in the basis."""
@@ -264,23 +259,6 @@ class _QuotientAlgebra:
                 self._products[monomial] = [x // common for x in found], below * denominator // common
         return self._products[monomial]
 
-    def _traces(self) -> tuple[list[Whole], int]:
-        """The traces of all products of two monomials of the basis."""
-        sums = [[tuple(map(operator.add, a, b)) for b in self.monomials] for a in self.monomials]
-        pairs = [[self._product(monomial) for monomial in row] for row in sums]
-        single = [
-            sum((Fraction(pairs[j][i][0][i], pairs[j][i][1]) for i in range(self.D)), Fraction(0))
-            for j in range(self.D)
-        ]
-        below = math.lcm(*(x.denominator for x in single))
-        whole = [x.numerator * (below // x.denominator) for x in single]
-        rows = [
-            [Fraction(univariate.dot(element, whole), below * denominator) for element, denominator in row]
-            for row in pairs
-        ]
-        common = math.lcm(*(x.denominator for row in rows for x in row))
-        return [[x.numerator * (common // x.denominator) for x in row] for row in rows], common
-
 
 def _standard(leading: Sequence[Powers], count: int) -> list[Powers]:
     """The monomials that no leading one divides, by degree. Raises `NotCounted` where they are too many."""
@@ -290,7 +268,7 @@ def _standard(leading: Sequence[Powers], count: int) -> list[Powers]:
     found, layer = [], [(0,) * count]
     while layer:
         found += layer
-        if len(found) > PARAMETERS.most_dimensions:
+        if len(found) > 36:  # the cost grows with the fourth power
             raise NotCounted("there are too many of them")
         further = {tuple(p + (i == k) for i, p in enumerate(m)) for m in layer for k in range(count)}
         layer = sorted(m for m in further if not any(all(map(operator.le, one, m)) for one in leading))

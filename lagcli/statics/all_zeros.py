@@ -8,7 +8,6 @@ piece stays undecided; what is found elsewhere is found all the same.
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
 from collections import deque
 from collections.abc import Callable
@@ -35,16 +34,10 @@ Force = Callable[[iv.mpf], tuple[iv.mpf, iv.mpf]]
 
 
 class CompletenessParameters:
-    """Sizes of models, and of pieces. The tests are of `tests/unit/test_numbers_of_rest_searches.py`."""
+    """Sizes of pieces. The tests are of `tests/unit/test_numbers_of_rest_searches.py`."""
 
     __slots__ = ()
 
-    most_unknowns: int = 24
-    """Coordinates and multipliers: of more no Groebner basis is tried.
-    `test_points_of_twenty_four_unknowns_and_three_contacts_are_counted` fails at 2 and 240."""
-    budget: int = 2_000_000
-    """Comparisons of monomials of all sets of contacts together, some seconds.
-    `test_two_million_comparisons_of_monomials_are_made` fails at 200000 and 20000000."""
     most_boxes: int = 4000
     """Intervals that are looked at; what is left is undecided.
     `test_four_thousand_intervals_are_looked_at` fails at 400 and 40000."""
@@ -57,9 +50,6 @@ class CompletenessParameters:
     together: int = 100
     """Narrow intervals side by side that are one piece. `test_a_hundred_narrow_intervals_are_one_piece` fails at 10
     and 1000."""
-    digits: int = 20
-    """Decimal digits of the intervals: more than a double has, so that roundings are no reason to halve one.
-    `test_intervals_have_twenty_digits` fails at 2 and 200."""
 
 
 PARAMETERS = CompletenessParameters()
@@ -67,54 +57,46 @@ PARAMETERS = CompletenessParameters()
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Completeness:
-    """True where the list is proved to hold all points; and a sentence on the proof, or on why there is none. final:
-    a search from other starts would find no more; is_told: the sentence is one for users."""
+    """True where the list is proved to hold all points; told: a sentence for users on the proof, or on why there is
+    none; final: a search from other starts would find no more."""
 
     proved: bool
-    reason: str
+    told: str = ""
     final: bool = False
-    is_told: bool = False
 
 
 def by_algebra(search: PointSearch) -> Completeness:
     """Put the exact points in the place of those of a search, for every set of contacts that can be counted; and say
-    whether all are known."""
+    whether all are known. Of more than 24 unknowns no Groebner basis is tried."""
     problem = search.problem
-    if len(problem.times) > 1:
-        return Completeness(False, "the equations hold t")
-    most = point_search.PARAMETERS.most_contacts
-    if problem.n + problem.C > PARAMETERS.most_unknowns or most < problem.K:
-        return Completeness(False, "there are too many unknowns for exact algebra")
-    # The points of the sets of contacts that can be counted, why others cannot, and which are known to be a plane
+    is_few = problem.n + problem.C <= 24 and point_search.PARAMETERS.most_contacts >= problem.K
+    if len(problem.times) > 1 or not is_few:
+        return Completeness(False)
     counted: dict[tuple[int, ...], SetZeros] = {}
-    reasons: list[str] = []
-    planes: list[str] = []
-    order, contacts = CountedOrder(PARAMETERS.budget), range(problem.K)
-    sets = (itertools.combinations(contacts, size) for size in range(len(contacts) + 1))
-    for closed in itertools.chain.from_iterable(sets):
+    is_open = is_plane = False
+    # Comparisons of monomials of all sets of contacts together, some seconds
+    order = CountedOrder(2_000_000)
+    for closed in problem.contact_sets():
         try:
             counted[closed] = _of_set(search, closed, order)
-        except _Plane as why:
-            (planes if search.leave_out(closed) else reasons).append(str(why))
-        except (NotPolynomial, NotCounted) as why:
-            reasons.append(str(why))
-        except SpentError:
-            reasons.append("the budget of exact algebra is spent")
-    if reasons or planes:
+        except _Plane:
+            is_known = search.leave_out(closed)
+            is_plane, is_open = is_plane or is_known, is_open or not is_known
+        except (NotPolynomial, NotCounted, SpentError):
+            is_open = True
+    if is_open or is_plane:
         for _, touching in counted.values():
             for point in touching:
                 search.take(point)
     agrees = search.settle({closed: points for closed, (points, _) in counted.items()})
-    if reasons:
-        return Completeness(False, reasons[0])
-    if planes:
-        return Completeness(False, planes[0], final=agrees, is_told=True)
-    if not agrees:
-        return Completeness(False, "algebra and the search disagree")
+    if is_open or (not is_plane and not agrees):
+        return Completeness(False)
+    if is_plane:
+        plane = "all points are one plane or a part of it, as their equations are linear"
+        return Completeness(False, plane, final=agrees)
     return Completeness(
         True,
         "that there are no others is proved by exact algebra: a Groebner basis, of which all real zeros are isolated",
-        is_told=True,
     )
 
 
@@ -125,17 +107,16 @@ class _Plane(Exception):
 def _of_set(search: PointSearch, closed: tuple[int, ...], order: CountedOrder) -> SetZeros:
     """All points with these contacts closed and no other one touching, and those at which further ones touch."""
     problem = search.problem
-    unknowns = problem.n + problem.C + len(closed)
-    program, signs = problem.exact_program(closed)
-    numbers = np.concatenate([[problem.t], problem.p])
+    unknowns, contacts = problem.n + problem.C + len(closed), problem.K - len(closed)
+    program, signs = problem.exact_programs(closed)
+    numbers = [problem.t, *problem.p.tolist()]
     exact = polynomial_equations.equations(program, unknowns, numbers, order, signs)
     found: SetZeros = ([], [])
-    contacts = problem.K - len(closed)
     try:
         zeros = algebraic_zeros.zeros(exact.ring, exact.equations, exact.used, exact.denominators)
     except algebraic_zeros.Infinite as why:
         if exact.is_linear:
-            raise _Plane("all points are one plane or a part of it, as their equations are linear") from why
+            raise _Plane from why
         raise
     for zero in zeros:
         if any(root.is_unknown and zero.sign(exact.ring.gens[k]) <= 0 for k, root in exact.squares.items()):
@@ -179,15 +160,15 @@ def by_intervals(search: PointSearch, is_angle: bool) -> Completeness:
     say whether all are known."""
     problem, length = search.problem, search.scales.length
     if len(problem.times) > 1:
-        return Completeness(False, "the equations hold t")
-    program, numbers = problem.slope_program(), (problem.t, *problem.p.tolist())
+        return Completeness(False)
+    program, numbers = problem.with_gradient(problem.laws.F), (problem.t, *problem.p.tolist())
 
     def force(x: iv.mpf) -> tuple[iv.mpf, iv.mpf]:
         value, slope = program.run([[x], list(map(iv.mpf, numbers))], iv.mpf, Enclosures(iv).result)
         return value, slope
 
-    digits = iv.dps
-    iv.dps = PARAMETERS.digits
+    # More digits than a double has, so that roundings are no reason to halve an interval
+    digits, iv.dps = iv.dps, 20
     try:
         pieces = _pieces(force, search, is_angle)
         narrowed = [_narrowed(force, piece) for piece in pieces.isolated]
@@ -197,9 +178,16 @@ def by_intervals(search: PointSearch, is_angle: bool) -> Completeness:
     points = []
     for x in narrowed:
         rounded = refine.settled(equations, np.array([x]))
-        q = search.wrapped_angles(np.array([x]))
-        points.append(EquilibriumPoint(q, problem.nothing, (), rounded.residual))
-    own = list(_merged(pieces.undecided))
+        points.append(
+            EquilibriumPoint(search.wrapped_angles(np.array([x])), problem.nothing, (), rounded.residual)
+        )
+    # Undecided pieces, those that touch as one
+    own: list[Piece] = []
+    for low, high in sorted(pieces.undecided):
+        if own and low <= own[-1][1]:
+            before = own.pop()
+            low, high = before[0], max(high, before[1])
+        own.append((low, high))
     turns = (-2 * np.pi, 0.0, 2 * np.pi) if search.options.angles[0] else (0.0,)
 
     def is_decided(q: Floats) -> bool:
@@ -213,14 +201,9 @@ def by_intervals(search: PointSearch, is_angle: bool) -> Completeness:
             search.take(refine.reached(problem, np.array([(low + high) / 2]), (), search.scales))
     if own:
         is_narrow = all(abs(low + high) == np.inf or high - low <= _width(length, low) for low, high in own)
-        return Completeness(False, _undecided(own), is_narrow, is_told=True)
-    if not agrees:
-        return Completeness(False, "intervals and the search disagree")
-    return Completeness(
-        True,
-        "that there are no others is proved by intervals: each piece of the line has one of them, or none",
-        is_told=True,
-    )
+        return Completeness(False, _undecided(own), is_narrow)
+    proof = "that there are no others is proved by intervals: each piece of the line has one of them, or none"
+    return Completeness(True, proof) if agrees else Completeness(False)
 
 
 def _undecided(pieces: list[Piece]) -> str:
@@ -234,17 +217,6 @@ def _undecided(pieces: list[Piece]) -> str:
     return f"intervals decide everywhere but {', '.join(named)}{more}: a pole, a kink, a double zero or a flat tail"
 
 
-def _merged(pieces: list[Piece]) -> list[Piece]:
-    """Pieces that touch, as one."""
-    found: list[Piece] = []
-    for low, high in sorted(pieces):
-        if found and low <= found[-1][1]:
-            found[-1] = found[-1][0], max(high, found[-1][1])
-        else:
-            found.append((low, high))
-    return found
-
-
 def _width(length: float, x: float) -> float:
     """The width of some intervals that are not halved further, side by side."""
     return PARAMETERS.together * doubles.ZERO * (length + abs(x))
@@ -255,32 +227,36 @@ def _narrowed(force: Force, piece: Piece) -> float:
     low, high = piece
     if low < 0 < high and 0 in force(iv.mpf(0))[0]:
         return 0.0
-    left = force(iv.mpf(low))[0].a > 0
-
-    def is_before(x: Floats) -> bool:
-        value = force(iv.mpf(float(x)))[0]
-        return 0 not in value and bool((value.a > 0) == left)
-
+    left = _is_up(force, low)
     while math.nextafter(low, high) < high:  # beside zero there are more doubles than an interval is halved
-        low, high = map(float, sides.bracket(is_before, low, high))
+        low, high = map(float, sides.bracket(lambda x: _is_up(force, float(x)) is left, low, high))
     return high
 
 
 def _pieces(force: Force, search: PointSearch, is_angle: bool) -> LinePieces:
     """All pieces, from the middle outward: a whole turn, or shells as far as the force has no zero beyond."""
-    found = LinePieces()
+    found, length, left = LinePieces(), search.scales.length, PARAMETERS.most_boxes
     if is_angle:
         # The ends lie at no point where a zero is likely, and overlap: none is lost between them.
         turn = (-np.pi + 0.0123 - doubles.VALUE, np.pi + 0.0123 + doubles.VALUE)
-        _search(force, [turn], found, PARAMETERS.most_boxes, search.scales.length)
+        _search(force, [turn], found, left, length)
         return found
-    length, left = search.scales.length, PARAMETERS.most_boxes
     ends = [length * PARAMETERS.uneven * 10.0**k for k in range(PARAMETERS.shells)]
     for k, end in enumerate(ends):
         shell = [(-end, end)] if not k else [(-end, -ends[k - 1]), (ends[k - 1], end)]
         left -= _search(force, shell, found, left // (PARAMETERS.shells - k), length)
     for end, tail in ((ends[-1], (ends[-1], np.inf)), (-ends[-1], (-np.inf, -ends[-1]))):
-        if not _has_no_zero(force, end, iv.mpf(list(tail))):
+        try:
+            value, slope = force(iv.mpf(list(tail)))
+        except NoValue:
+            continue
+        except NoBounds:
+            found.undecided.append(tail)
+            continue
+        # The force has one sign there by its bounds, or as it grows away from zero.
+        is_up = _is_up(force, end)
+        grows = is_up is not None and _is_determined(slope) and bool(slope.a > 0) == (is_up == (end > 0))
+        if not _is_determined(value) and not grows:
             found.undecided.append(tail)
     return found
 
@@ -303,9 +279,9 @@ def _search(force: Force, begun: list[Piece], found: LinePieces, boxes: int, len
         else:
             if 0 not in value:
                 continue
-            changes = _changes(force, low, high) if 0 not in slope else None
-            if changes is not None:
-                found.isolated += [(low, high)] if changes else []
+            ends = [None] if 0 in slope else [_is_up(force, x) for x in (low, high)]
+            if None not in ends:
+                found.isolated += [(low, high)] if ends[0] != ends[1] else []
                 continue
         if high - low < doubles.ZERO * (length + abs(low)) or not low < middle < high:
             found.undecided.append((low, high))
@@ -315,31 +291,13 @@ def _search(force: Force, begun: list[Piece], found: LinePieces, boxes: int, len
     return count
 
 
-def _changes(force: Force, low: float, high: float) -> bool | None:
-    """True if the force changes its sign between two ends; None where it is not determined at one."""
+def _is_up(force: Force, x: float) -> bool | None:
+    """True if the force is positive at a point, False if it is negative; None where neither is determined."""
     try:
-        ends = [force(iv.mpf(x))[0] for x in (low, high)]
+        value = force(iv.mpf(x))[0]
     except NoBounds:
         return None
-    if not all(map(_is_determined, ends)):
-        return None
-    return bool((ends[0].a > 0) != (ends[1].a > 0))
-
-
-def _has_no_zero(force: Force, end: float, tail: iv.mpf) -> bool:
-    """True if the force has one sign beyond an end: by its bounds, or as it grows away from zero there."""
-    try:
-        value, slope = force(tail)
-        if _is_determined(value):
-            return True
-        at_end = force(iv.mpf(end))[0]
-    except NoValue:
-        return True
-    except NoBounds:
-        return False
-    if not _is_determined(at_end) or not _is_determined(slope):
-        return False
-    return bool((slope.a > 0) == ((at_end.a > 0) == (end > 0)))
+    return bool(value.a > 0) if _is_determined(value) else None
 
 
 def _is_determined(value: iv.mpf) -> bool:

@@ -16,37 +16,13 @@ import numpy.typing as npt
 from lagcli import doubles
 from lagcli.contact import least_distance
 from lagcli.linear import decompositions, rank
-from lagcli.statics import point_type, precise_zeros, refine
+from lagcli.statics import point_type, precise_zeros, refine, rest_equations
 from lagcli.statics.point_type import PointType
 from lagcli.statics.refine import EquilibriumPoint
-from lagcli.statics.rest_equations import RestEquations, Scales
+from lagcli.statics.rest_equations import LENGTHS, RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
-
-
-class ContinuumParameters:
-    """Lengths are parts of the size of things. The tests are of `tests/unit/test_numbers_of_rest_searches.py`."""
-
-    __slots__ = ()
-
-    step: float = 1e-2
-    """The length of that step: far above the digits of a point that is alone and degenerate.
-    `test_a_continuum_is_told_by_a_step_of_a_hundredth` fails at 0.001 and 0.1."""
-    off: float = 0.3
-    """A step that ends this part of its length off the tangent has not gone along a continuum.
-    `test_a_step_that_comes_back_has_not_gone_along_a_continuum` fails at 0.03 and 3."""
-    most_steps: int = 80
-    """Steps of a walk from one point to another: sixteen sizes of things.
-    `test_a_walk_along_a_continuum_is_sixteen_sizes_long` fails at 8 and 800."""
-    stride: float = 0.2
-    """The longest step of a walk. `test_a_walk_along_a_continuum_is_sixteen_sizes_long` fails at 0.02 and 2."""
-    straight: int = 8
-    """Points on a straight way at which it is looked whether they are points of rest too; at no common period.
-    `test_points_at_equal_distances_are_no_straight_continuum` fails at 0 and 80."""
-
-
-PARAMETERS = ContinuumParameters()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -98,7 +74,7 @@ class KnownContinua:
         equations = RestEquations(self._problem, begin.point.closed, self._scales)
         goal = np.array(end.point.q)
         goal[self._angles] += 2 * np.pi * np.round((begin.point.q - goal)[self._angles] / (2 * np.pi))
-        return connected(equations, refine.unknowns(equations, begin.point), goal, begin.dimension)
+        return connected(equations, equations.unknowns(begin.point.q), goal, begin.dimension)
 
 
 def directions(equations: RestEquations, x: Floats) -> Floats:
@@ -121,12 +97,12 @@ def tangent(equations: RestEquations, x: Floats) -> Floats:
     They are those in which steps along flat directions end at other points of rest, and there are as many there.
     """
     basis = directions(equations, x)
-    n, length = equations.problem.n, PARAMETERS.step * equations.scales.length
+    n, length = equations.problem.n, LENGTHS.near * equations.scales.length
     least, moved = basis.shape[1], []
     for direction in basis.T:
         both = (stepped(equations, x, sign * length * direction, 1.0) for sign in (1, -1))
         ends = [end for end in both if end is not None and _is_zero(equations, end, length)]
-        if not ends or not PARAMETERS.off * length < np.linalg.norm(ends[0][:n] - x[:n]):
+        if not ends or not LENGTHS.stride * length < np.linalg.norm(ends[0][:n] - x[:n]):
             continue
         # Across a continuum curvatures may vanish too, and a step on a slant comes back onto it.
         moved.append((ends[0] - ends[1])[:n] / 2 if len(ends) == 2 else ends[0][:n] - x[:n])
@@ -134,12 +110,12 @@ def tangent(equations: RestEquations, x: Floats) -> Floats:
     if not moved:
         return np.zeros((n, 0))
     sizes, left = decompositions.column_axes(basis.T @ np.array(moved).T / length)
-    return np.asarray(basis @ left[:, : min(least, int((sizes > PARAMETERS.off).sum()))])
+    return np.asarray(basis @ left[:, : min(least, int((sizes > LENGTHS.stride).sum()))])
 
 
 def beside_crossing(equations: RestEquations, x: Floats) -> Floats:
     """A point of the continuum through x with fewer flat directions, where branches of it cross at x; else x."""
-    basis, length = directions(equations, x), PARAMETERS.stride * equations.scales.length
+    basis, length = directions(equations, x), LENGTHS.walk * equations.scales.length
     ends = [stepped(equations, x, sign * length * way, 1.0) for way in basis.T for sign in (1, -1)]
     others = [x, *(end for end in ends if end is not None and _is_zero(equations, end, length))]
     return min(others, key=lambda each: directions(equations, each).shape[1])
@@ -149,43 +125,31 @@ def _is_zero(equations: RestEquations, x: Floats, length: float) -> bool:
     """True if there is a zero within a part of a length of x in many digits too, where these are known: beside a sixth
     power doubles see no force."""
     found, n = precise_zeros.nearest(equations, x), equations.problem.n
-    return found is None or bool(np.linalg.norm((found - x)[:n]) <= PARAMETERS.off * length)
+    return found is None or bool(np.linalg.norm((found - x)[:n]) <= LENGTHS.stride * length)
 
 
 def stepped(
-    equations: RestEquations, x: Floats, change: Floats, off: float = PARAMETERS.off
+    equations: RestEquations, x: Floats, change: Floats, off: float = LENGTHS.stride
 ) -> Floats | None:
     """The point of rest next to x with q changed; None where there is none within a part of the change."""
     n = equations.problem.n
     predicted = x[:n] + change
-    begun = refine.begun(equations, predicted)
+    begun = equations.begun(predicted)
     if begun is None or equations(begun) is None:
         return None
     end = refine.refined(equations, begun)
     near = np.linalg.norm(end.x[:n] - predicted) <= off * np.linalg.norm(change)
-    settled = end.step <= refine.PARAMETERS.settled and equations.unbalanced(end.x) <= doubles.ZERO
+    settled = end.moved <= rest_equations.SETTLED and equations.unbalanced(end.x) <= doubles.ZERO
     return end.x if near and settled else None
-
-
-def _is_straight(equations: RestEquations, x: Floats, way: Floats) -> bool:
-    """True if the continuum is flat along a way (n,) from x: all that was looked at on it rests."""
-    n, size = equations.problem.n, equations.scales.length
-    basis = directions(equations, x)
-    if np.linalg.norm(way - basis @ (basis.T @ way)) > doubles.ROOT * size:
-        return False
-    for part in decompositions.generic_parts(PARAMETERS.straight):
-        end = stepped(equations, x, part * way)
-        if end is None or np.linalg.norm(end[:n] - x[:n] - part * way) > doubles.ROOT * size:
-            return False
-    return True
 
 
 def connected(equations: RestEquations, x: Floats, goal: Floats, size: int) -> bool:
     """True if a walk along the continuum through x, of the dimension `size`, comes to the configuration `goal` (n,)."""
     n, unit = equations.problem.n, equations.scales.length
-    for _ in range(PARAMETERS.most_steps):
+    for _ in range(80):
         way = goal - x[:n]
-        if float(np.linalg.norm(way)) <= doubles.ROOT * unit or _is_straight(equations, x, way):
+        left = float(np.linalg.norm(way))
+        if left <= doubles.ROOT * unit or _is_straight(equations, x, way):
             return True
         there = _nearer(equations, x, goal, size)
         if there is None:
@@ -194,10 +158,22 @@ def connected(equations: RestEquations, x: Floats, goal: Floats, size: int) -> b
     return False
 
 
+def _is_straight(equations: RestEquations, x: Floats, way: Floats) -> bool:
+    """True if the continuum is flat along a way (n,) from x: all that was looked at on it rests."""
+    n, size = equations.problem.n, equations.scales.length
+    basis = directions(equations, x)
+    if np.linalg.norm(way - basis @ (basis.T @ way)) > doubles.ROOT * size:
+        return False
+    for part in decompositions.generic_parts(8):
+        end = stepped(equations, x, part * way)
+        if end is None or np.linalg.norm(end[:n] - x[:n] - part * way) > doubles.ROOT * size:
+            return False
+    return True
+
+
 def _nearer(equations: RestEquations, x: Floats, goal: Floats, size: int) -> Floats | None:
     """A further point of the continuum through x that is nearer to the goal; None where none is found."""
-    n, unit = equations.problem.n, equations.scales.length
-    way = goal - x[:n]
+    n, way = equations.problem.n, goal - x[: equations.problem.n]
     left = float(np.linalg.norm(way))
     basis = directions(equations, x)
     is_crossing = basis.shape[1] > size  # or across it is flat too
@@ -209,9 +185,9 @@ def _nearer(equations: RestEquations, x: Floats, goal: Floats, size: int) -> Flo
         if not length > 0.0:
             continue
         # Where the way is nearly across, what lies along is short and the continuum goes on, or it leads to a crossing.
-        far = min(left, PARAMETERS.stride * unit) / length
+        far = min(left, LENGTHS.walk * equations.scales.length) / length
         for part in (far, 0.3 * far, 0.1 * far, 1.0):
-            there = stepped(equations, x, part * along, 1.0 if is_crossing else PARAMETERS.off)
+            there = stepped(equations, x, part * along, 1.0 if is_crossing else LENGTHS.stride)
             if there is not None and np.linalg.norm(goal - there[:n]) < left * (1 - 1e-8):
                 return there
     return None
@@ -227,34 +203,33 @@ def with_own_contacts(problem: StaticProblem, found: EquilibriumPoint, scales: S
     if not idle:
         return found
     free = RestEquations(problem, carrying, scales)
-    x = refine.begun(free, found.q)
+    x = free.begun(found.q)
     if x is None:
         return found
     basis = directions(free, x)
     G = decompositions.unit(problem.at(problem.t, found.q, found.lam).G[idle]) @ basis
     if not basis.shape[1] or not np.isfinite(G).all():
         return found
-    closed_too = [k for k, is_closed in zip(idle, _without_side(G), strict=True) if is_closed]
+    # A contact is closed where G u >= 0 of all leaves it at 0: then its opposite is a sum of rows with weights that are
+    # not negative (Farkas). Where one direction leaves all of them none is.
+    sizes, nothing = np.linalg.norm(G, axis=1), rank.PARAMETERS.small
+    rows, closed_too = G / np.where(sizes > nothing, sizes, 1.0)[:, None], []
+    if not (rows @ rows.sum(axis=0) > nothing).all():
+        left = [least_distance.residual(rows.T, -row) for row in rows]
+        closed_too = [
+            k
+            for k, rest in zip(idle, left, strict=True)
+            if rest is not None and float(np.linalg.norm(rest)) <= nothing
+        ]
     closed = tuple(sorted((*carrying, *closed_too)))
     if closed == found.closed:
         return found
-    bounded = RestEquations(problem, closed, scales)
-    begun = refine.begun(bounded, found.q)
+    bounded, own = (RestEquations(problem, each, scales) for each in (closed, found.closed))
+    begun = bounded.begun(found.q)
     point = None if begun is None else refine.settled(bounded, begun)
     if begun is None or not isinstance(point, EquilibriumPoint):
         return found
-    own = RestEquations(problem, found.closed, scales)
-    unknowns = refine.begun(own, found.q)
-    is_one = tangent(bounded, begun).size > 0
-    return point if is_one or (unknowns is not None and tangent(own, unknowns).size) else found
-
-
-def _without_side(G: Floats) -> list[bool]:
-    """For each row of G (k, d), whether G u >= 0 of all rows leaves it at 0: then its opposite is a sum of rows with
-    weights that are not negative (Farkas)."""
-    sizes, nothing = np.linalg.norm(G, axis=1), rank.PARAMETERS.small
-    rows = G / np.where(sizes > nothing, sizes, 1.0)[:, None]
-    if (rows @ rows.sum(axis=0) > nothing).all():  # one direction leaves all of them
-        return [False] * len(rows)
-    left = (least_distance.residual(rows.T, -row) for row in rows)
-    return [rest is not None and float(np.linalg.norm(rest)) <= nothing for rest in left]
+    if tangent(bounded, begun).size:
+        return point
+    unknowns = own.begun(found.q)
+    return point if unknowns is not None and tangent(own, unknowns).size else found

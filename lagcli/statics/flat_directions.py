@@ -25,7 +25,7 @@ from lagcli.equations.power_series import PowerSeries, UnderflowError, constant
 from lagcli.linear import decompositions, rank
 from lagcli.statics import power_signs
 from lagcli.statics.refine import EquilibriumPoint
-from lagcli.statics.rest_equations import RestEquations, Scales
+from lagcli.statics.rest_equations import LENGTHS, RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
@@ -39,21 +39,9 @@ class FlatParameters:
     orders: int = 16
     """Powers of the function that are looked at, half of them first.
     `test_a_power_of_sixteen_decides_and_one_of_seventeen_does_not` fails at 15 and 160."""
-    moves: int = 6
-    """Moves to where derivatives vanish: each doubles the digits.
-    `test_a_point_is_moved_to_where_derivatives_vanish` fails at 0."""
-    near: float = 1e-2
-    """The farthest of such moves, as a part of the size of things.
-    `test_a_point_is_not_moved_by_more_than_a_hundredth` fails at 0.001 and 0.1."""
-    exact: float = 1e-11
-    """A point that is exact is moved no farther than this part of the size of things.
-    `test_an_exact_point_keeps_its_curvature_where_another_has_none` fails at 1e-12 and 1e-10."""
     kept: float = 0.1
     """The part of a curvature that a third derivative may change on the way to the zero: beside a double zero it is
     a half. `test_a_curvature_beside_a_double_zero_is_none` fails at 0.01 and 1."""
-    most: int = 4
-    """Flat directions whose forms are looked at.
-    `test_four_flat_directions_decide_and_five_do_not` fails at 0 and 40."""
     degree: int = 8
     """The powers of three flat directions or more of which all monomials are told apart, by as many rays.
     `test_an_eighth_power_of_four_is_told_and_a_tenth_is_not` fails at 4 and 12."""
@@ -223,7 +211,7 @@ def judged(
     up = down = 0
     basis, along = directions
     try:
-        while 0 < basis.shape[1] <= PARAMETERS.most:
+        while 0 < basis.shape[1] <= 4:
             equations = FlatEquations(problem, point.closed, scales, basis, along)
             q, lam = equations.settled(point.q, point.lam)
             # The second derivatives of phi on its axes, and their rounding
@@ -252,7 +240,7 @@ def judged(
 def is_elsewhere(moved: EquilibriumPoint, exact: EquilibriumPoint, scales: Scales) -> bool:
     """True if derivatives vanish at a point that is another one than the exact one."""
     sizes = np.maximum(np.abs(exact.q), scales.length)
-    return bool((np.abs(moved.q - exact.q) > PARAMETERS.exact * sizes).any())
+    return bool((np.abs(moved.q - exact.q) > 10 * doubles.VALUE * sizes).any())
 
 
 def balanced(
@@ -408,7 +396,7 @@ def _moved(
     there are none."""
     (q, lam), n = begin, len(begin[0])
     size, last, way = equations.scales.length, np.inf, 0.0
-    for _ in range(PARAMETERS.moves):
+    for _ in range(6):  # each doubles the digits
         forms, rounding = (part[:, power - 1] for part in found.forms)
         if (np.abs(forms) <= rounding).all():
             return None
@@ -417,7 +405,7 @@ def _moved(
         shift = decompositions.least_squares(found.rho[:, :, power - 1], lower)
         length = float(np.linalg.norm(shift))
         way += length
-        if not way <= PARAMETERS.near * size:
+        if not way <= LENGTHS.near * size:
             return None
         if length >= last / 2 or length == 0.0:
             break

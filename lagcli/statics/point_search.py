@@ -22,9 +22,9 @@ from lagcli.statics import (
     precise_zeros,
     refine,
     rest_equations,
+    static_problem,
 )
 from lagcli.statics.continuum import FoundPoint, KnownContinua
-from lagcli.statics.further_zeros import DeflatedEquations
 from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
 from lagcli.statics.rest_equations import RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem
@@ -36,9 +36,9 @@ Region = Callable[[Floats], bool]
 
 
 class SearchParameters:
-    """Numbers of the search for all points; lengths are parts of the size of things.
+    """Numbers of the search for all points.
 
-    The tests are of `tests/physics/test_statics.py`, `tests/physics/test_statics_proofs.py`,
+    The tests are of `tests/physics/test_statics.py`, `tests/physics/test_homotopy.py`,
     `tests/unit/test_numbers_of_rest_searches.py` and `tests/unit/test_numbers_of_statics.py`.
     """
 
@@ -50,49 +50,22 @@ class SearchParameters:
     first: int = 4
     """The part of it that the declared start may take, and the part that goes into what lies on which continuum.
     `test_the_first_start_takes_a_quarter_of_the_budget` fails at 1 and 40."""
-    most_sets: int = 64
-    """Sets of closed contacts that are tried. `test_sixty_four_sets_of_contacts_are_searched` fails at 6 and 640."""
-    most_together: int = 4
-    """So many sets are searched from each start, of more only the next one.
-    `test_four_sets_are_searched_from_each_start_and_of_more_one` fails at 0 and 40."""
     same_of_flat: float = 3e-4
-    """The distance of two points that are one, where they are degenerate, and found to the root of rounding alone.
-    `test_points_that_are_one_are_kept_once` and
-    `test_a_coordinate_of_such_a_point_is_zero_to_the_root_of_rounding` fail at 3e-5 and 0.003."""
-    rounding: float = 1e-15
-    """The least part of a coordinate, of the force or of a row that is more than rounding.
-    `test_a_coordinate_that_rounding_moves_is_reported_as_zero` and
-    `test_digits_are_kept_where_rows_hold_to_rounding` of `tests/physics/test_statics_proofs.py` fail at 1e-16 and
-    1e-14."""
+    """The distance of two points that are one, as a part of the size of things, where they are degenerate, and found to
+    the root of rounding alone. `test_points_that_are_one_are_kept_once` fails at 3e-5 and 0.003."""
     spread: tuple[float, ...] = (0.3, 1.0, 2.5)
     """How far starts are drawn from the start of the model, in turn: beside it, across, and beyond.
     `test_starts_are_drawn_beside_across_and_beyond` fails at a tenth and at ten times of it."""
-    rounds: int = 2
-    """Rounds with known points taken out, from one start.
-    `test_known_points_are_taken_out_twice_from_a_start` fails at 0 and 20."""
-    most_unknowns: int = 60
-    """Above so many unknowns taking points out costs too much.
-    `test_above_sixty_unknowns_no_points_are_taken_out` fails at 6 and 600."""
-    damped: int = 60
-    """Damped steps of such a round. `test_known_points_are_taken_out_twice_from_a_start` fails at 6 and 600."""
     paths: int = 8
-    """Starts from which a homotopy is followed. `test_a_path_is_followed_from_eight_starts` fails at 0 and 80."""
-    most_failures: int = 12
-    """Rounds without a new point, after which no more are made. At 3 `test_an_inexact_number_is_no_proof` fails."""
+    """Starts from which a homotopy is followed. At 0 `test_a_path_leads_to_what_all_else_has_missed` fails."""
     most_coordinates: int = 12
     """Of more coordinates places without lambda are not looked for: starts at random find none in so many dimensions.
-    `test_places_of_dependent_gradients_are_sought_among_twelve_coordinates` and
-    `test_kinks_are_looked_at_among_twelve_coordinates` of `tests/unit/test_numbers_of_statics.py` fail at 1 and 120."""
+    `test_kinks_are_looked_at_among_twelve_coordinates` fails at 1 and 120."""
     most_contacts: int = 3
     """Contacts, every set of which is closed in turn, for such places and to count all points; of more none is.
-    `test_points_of_twenty_four_unknowns_and_three_contacts_are_counted` fails at 0 and 30, as do
-    `test_dependent_gradients_of_three_contacts_are_sought` and `test_kinks_are_looked_at_among_three_contacts`."""
+    `test_kinks_are_looked_at_among_three_contacts` fails at 0 and 30."""
     most_named: int = 4
-    """Places that notes of one kind name. `test_a_note_names_four_such_points`, `test_four_undecided_pieces_are_named`
-    and `test_notes_name_four_kinks` fail at 0 and 40."""
-    most_points: int = 400
-    """Points after which a search ends: nobody reads more, and each is taken out of the equations of the next.
-    `test_a_search_ends_with_four_hundred_points` fails at 40 and 4000."""
+    """Places that notes of one kind name. `test_four_undecided_pieces_are_named` fails at 0 and 40."""
 
 
 PARAMETERS = SearchParameters()
@@ -107,7 +80,6 @@ class SearchOptions:
     has_potential: bool
     pushes: bool
     angles: Flags
-    starts: int
     seed: int
     repeating: Flags = ()
 
@@ -128,12 +100,10 @@ class PointSearch:
         self._on_continua = 0.0
         self._decided: dict[Contacts, Region] = {}
         self._vain = 0
-        # Sets of closed contacts, the small ones first; that of the start is the first of all.
-        sizes = range(min(problem.K, problem.n) + 1)
-        every = itertools.chain.from_iterable(itertools.combinations(range(problem.K), n) for n in sizes)
-        sets = list(itertools.islice(every, PARAMETERS.most_sets + 1))
-        self._sets = sets[: PARAMETERS.most_sets]
-        self.is_cut = len(sets) > len(self._sets)
+        # Sets of closed contacts, 64 at most
+        sets = itertools.takewhile(lambda closed: len(closed) <= problem.n, problem.contact_sets())
+        self._sets = list(itertools.islice(sets, 64))
+        self.is_cut = next(sets, None) is not None
 
     def run(self, others: int) -> None:
         """Search from the declared start, if that has not been, and from so many others: first to the points next to
@@ -149,7 +119,7 @@ class PointSearch:
             self._allowed = self.spent + (PARAMETERS.budget - self.spent) / (others - number)
             begun += [(begin, closed) for closed in self._start(begin)]
         for number, (begin, closed) in enumerate(begun):
-            if self._vain >= PARAMETERS.most_failures and number >= PARAMETERS.paths:
+            if self._is_vain() and number >= PARAMETERS.paths:
                 return
             if self._is_at_end():
                 return
@@ -159,10 +129,15 @@ class PointSearch:
             self._around(begin, closed, is_followed=number < PARAMETERS.paths)
 
     def _is_at_end(self) -> bool:
-        if self.spent <= PARAMETERS.budget and len(self.points) < PARAMETERS.most_points:
+        # Nobody reads more points, and each is taken out of the equations of the next.
+        if self.spent <= PARAMETERS.budget and len(self.points) < 400:
             return False
         self.is_cut = True
         return True
+
+    def _is_vain(self) -> bool:
+        """True if the last twelve rounds have found no new point."""
+        return self._vain >= 12
 
     def settle(
         self, exact: Mapping[Contacts, Sequence[EquilibriumPoint]], region: Region | None = None
@@ -208,85 +183,73 @@ class PointSearch:
 
     def _start(self, begin: Floats) -> list[Contacts]:
         """Search next to a start; the sets of contacts with which that was done."""
-        first, problem = not self.starts, self.problem
-        waits = self.options.has_potential and problem.n + problem.C > refine.PARAMETERS.large
+        first, problem, has_potential = not self.starts, self.problem, self.options.has_potential
+        waits = has_potential and problem.is_large
         if first:
-            self.take(self._nearest(begin, () if waits else refine.PARAMETERS.offset))
+            self._take_nearest(begin, () if waits else refine.OFFSETS)
         elif problem.K and self.options.pushes:
             self.take(refine.pushed(problem, begin, self.scales))
         sets = self._sets
-        if not first and len(sets) > PARAMETERS.most_together:
+        if not first and len(sets) > 4:
             sets = [sets[self.starts % len(sets)]]
         for closed in sets:
-            self._from(begin, closed)
+            self.take(refine.reached(problem, begin, closed, self.scales))
+            equations = RestEquations(problem, closed, self.scales)
+            is_large = equations.size > static_problem.LARGE
+            is_asked = has_potential and (first or not is_large)
+            for sign in ((1.0,) if is_large else (1.0, -1.0)) if is_asked else ():
+                point = further_zeros.lowest(equations, begin, sign)
+                if point is not None:
+                    self.take(refine.reached(problem, point, closed, self.scales))
             if self.spent > self._allowed:
                 break
         if first and waits and not self.points:
-            self.take(self._nearest(begin, refine.PARAMETERS.offset))
+            self._take_nearest(begin, refine.OFFSETS)
         self.starts += 1
         return sets
 
-    def _nearest(self, begin: Floats, asides: Sequence[float]) -> EquilibriumPoint | NoEquilibrium:
-        """The point reached from the start, which is always among the answers."""
+    def _take_nearest(self, begin: Floats, asides: Sequence[float]) -> None:
+        """Keep the point reached from the start, which is always among the answers."""
         if self.options.pushes or not self.problem.K:
-            return refine.nearest_equilibrium(self.problem, begin, asides)
-        return refine.reached(self.problem, begin, (), self.scales)
-
-    def _from(self, begin: Floats, closed: Contacts) -> None:
-        """The points next to a start with these contacts closed."""
-        self.take(refine.reached(self.problem, begin, closed, self.scales))
-        equations = RestEquations(self.problem, closed, self.scales)
-        is_large = equations.size > PARAMETERS.most_unknowns
-        if self.options.has_potential and not (is_large and self.starts):
-            for sign in (1.0,) if is_large else (1.0, -1.0):
-                point = further_zeros.lowest(equations, begin, sign)
-                if point is not None:
-                    self.take(refine.reached(self.problem, point, closed, self.scales))
+            self.take(refine.nearest_equilibrium(self.problem, begin, asides))
+        else:
+            self.take(refine.reached(self.problem, begin, (), self.scales))
 
     def _around(self, begin: Floats, closed: Contacts, is_followed: bool) -> None:
         """Further points round a start: along a path if it is followed, and without those that are known."""
         equations = RestEquations(self.problem, closed, self.scales)
-        if equations.size > PARAMETERS.most_unknowns or self.spent > self._allowed:
+        x = equations.begun(begin)
+        if equations.size > static_problem.LARGE or self.spent > self._allowed or x is None:
             return
-        if is_followed:
-            self._along_path(equations, begin)
-        if self._vain >= PARAMETERS.most_failures:
-            return
-        for _ in range(PARAMETERS.rounds):
+        vain = 0
+        for point in further_zeros.near_zeros(equations, x) if is_followed else ():
+            # Along a continuum a path goes to and fro over zero without end.
+            if vain >= 12 or self.spent > self._allowed:
+                break
+            vain = 0 if self._refine(equations, point) else vain + 1
+        for _ in range(0 if self._is_vain() else 2):
             known = [one.point.q for one in self.points if not one.dimension and one.point.closed == closed]
-            x = refine.begun(equations, begin)
-            if not known or x is None or self.spent > self._allowed:
+            if not known or self.spent > self._allowed:
                 return
-            end = refine.solve(DeflatedEquations(equations, known, self.options.angles), x, PARAMETERS.damped)
+            end = refine.solve(further_zeros.deflated(equations, known, self.options.angles), x, 60)
             self._vain += 1
-            if end is None or not np.isfinite(end.x).all() or equations(end.x) is None:
-                return
-            again = refine.refined(equations, end.x)
-            if not self.take(refine.settled(equations, again.x, again.step)):
+            if end is None or not np.isfinite(end.x).all() or not self._refine(equations, end.x):
                 return
             self._vain = 0
 
-    def _along_path(self, equations: RestEquations, begin: Floats) -> None:
-        """The points on the path of a homotopy from one start."""
-        x = refine.begun(equations, begin)
-        if x is None:
-            return
-        vain = 0
-        for point in further_zeros.near_zeros(equations, x):
-            # Along a continuum a path goes to and fro over zero without end.
-            if vain >= PARAMETERS.most_failures or self.spent > self._allowed:
-                return
-            vain += 1
-            if equations(point) is not None:
-                end = refine.refined(equations, point)
-                vain = 0 if self.take(refine.settled(equations, end.x, end.step)) else vain
+    def _refine(self, equations: RestEquations, x: Floats) -> bool:
+        """Keep the point that Newton's steps lead to; True if it is new."""
+        if equations(x) is None:
+            return False
+        end = refine.refined(equations, x)
+        return self.take(refine.settled(equations, end.x, end.moved))
 
     @property
     def spent(self) -> float:
         """The work so far: evaluations times the cost of one."""
         unknowns = self.problem.n + self.problem.C + self.problem.K
         # Of many unknowns what one evaluation leads to is mostly sparse algebra.
-        each = unknowns**3 / 50 if unknowns <= refine.PARAMETERS.dense else unknowns**3 / 5000 + 5000.0
+        each = unknowns**3 / 50 if unknowns <= static_problem.DENSE else unknowns**3 / 5000 + 5000.0
         made = self.problem.evaluations * (len(self.problem.times) * each + 1000.0)
         return made - self._on_continua
 
@@ -314,7 +277,7 @@ class PointSearch:
     def _add(self, found: EquilibriumPoint) -> bool:
         """Keep a point of its own; False for one of a known continuum."""
         equations = RestEquations(self.problem, found.closed, self.scales)
-        x = refine.unknowns(equations, found)
+        x = equations.unknowns(found.q)
         is_tired = self._on_continua > PARAMETERS.budget / PARAMETERS.first
         if self._is_known(found, PARAMETERS.same_of_flat) and continuum.directions(equations, x).size:
             return False
@@ -336,25 +299,20 @@ class PointSearch:
             return False
         self.points = [known for known in self.points if not self._continua.is_on(typed, known)]
         if not size:
-            limit = PARAMETERS.same_of_flat if kind.kind == "degenerate" else PARAMETERS.rounding
-            tidy = self._tidied(equations, found, limit * self.scales.length)
-            if tidy is not found and self._is_known(tidy, doubles.ROOT):
-                return False
-            found = tidy
+            # Coordinates that are nearly zero are zero, where that is no worse: there rounding hides the last digits,
+            # at a flat point the last half of them.
+            limit = PARAMETERS.same_of_flat if kind.kind == "degenerate" else 4 * doubles.EPS
+            q = np.where(np.abs(found.q) <= limit * self.scales.length, 0.0, found.q)
+            begun = None if np.array_equal(q, found.q) else equations.begun(q)
+            # Not refined: a further step would bring the rounding back.
+            tidy = None if begun is None else refine.settled(equations, begun)
+            worst = max(found.residual, 4 * doubles.EPS * self.scales.force)
+            if isinstance(tidy, EquilibriumPoint) and tidy.residual <= worst:
+                if self._is_known(tidy, doubles.ROOT):
+                    return False
+                found = tidy
         self.points.append(dataclasses.replace(typed, point=found))
         return True
-
-    def _tidied(self, equations: RestEquations, found: EquilibriumPoint, limit: float) -> EquilibriumPoint:
-        """A point with coordinates that are nearly zero at zero, where that is no worse: there rounding hides the last
-        digits, at a flat point the last half of them."""
-        q = np.where(np.abs(found.q) <= limit, 0.0, found.q)
-        begun = refine.begun(equations, q)
-        if begun is None or np.array_equal(q, found.q):
-            return found
-        # Not refined: a further step would bring the rounding back.
-        tidy = refine.settled(equations, begun)
-        worst = max(found.residual, PARAMETERS.rounding * self.scales.force)
-        return tidy if isinstance(tidy, EquilibriumPoint) and tidy.residual <= worst else found
 
     def wrapped_angles(self, q: Floats) -> Floats:
         """q with angles between -pi and pi, or within half a turn of the start where turns differ."""
@@ -375,18 +333,18 @@ class PointSearch:
 
     def _is_known(self, found: EquilibriumPoint, of_flat: float) -> bool:
         """True if a point is one of those that are known; of_flat: how near to one where a curvature vanishes."""
-        for known in self.points:
-            is_flat = not known.type.is_regular and not known.dimension
-            if self.apart(known.point.q, found.q) <= (of_flat if is_flat else doubles.ROOT):
-                return True
-        return False
+        return any(
+            self.apart(known.point.q, found.q)
+            <= (of_flat if not known.type.is_regular and not known.dimension else doubles.ROOT)
+            for known in self.points
+        )
 
     def others(self, count: int) -> Iterator[Floats]:
         """Starts beside the declared one: angles anywhere, the rest at several distances."""
-        problem, angles = self.problem, self._angles
+        problem, angles, spreads = self.problem, self._angles, PARAMETERS.spread
         random = np.random.default_rng(self.options.seed)
         for number in range(count):
-            spread = PARAMETERS.spread[number % len(PARAMETERS.spread)] * self.scales.length
+            spread = spreads[number % 3] * self.scales.length
             centre = problem.begin if number % 2 else np.zeros(problem.n)
             q = centre + spread * random.standard_normal(problem.n)
             q[angles] = random.uniform(-np.pi, np.pi, int(angles.sum()))
@@ -411,7 +369,7 @@ def _nearest_zero(
     """The point that is meant by one that may be degenerate, None where it is none; and whether it is known in many
     digits."""
     equations = RestEquations(problem, found.closed, scales)
-    x = refine.unknowns(equations, found)
+    x = equations.unknowns(found.q)
     is_rounding = equations.rounding(x) > doubles.ZERO
     if not is_rounding and not precise_zeros.is_doubtful(equations, x):
         return found, False
@@ -435,7 +393,7 @@ def _typed_zero(
     if not problem.has_value(found.q):
         return None
     equations = RestEquations(problem, found.closed, scales)
-    x = refine.unknowns(equations, found)
+    x = equations.unknowns(found.q)
     along = continuum.tangent(equations, x)
     beside = continuum.beside_crossing(equations, x) if along.size else x
     if beside is x:
@@ -447,7 +405,7 @@ def _typed_zero(
             return None
         kind, _ = point_type.classify(problem, other, scales, has_potential, own)
     if moved.q is not found.q:
-        x = refine.unknowns(equations, moved)
+        x = equations.unknowns(moved.q)
         again = refine.settled(equations, x)
         if isinstance(again, NoEquilibrium):
             return None
@@ -455,7 +413,7 @@ def _typed_zero(
     flat = continuum.directions(equations, x)
     if not kind.is_regular and (kind.kind == "degenerate" or flat.size):
         way = np.abs(found.q - problem.begin).max(initial=0.0)
-        if way > further_zeros.DESCENT.far * scales.length:
+        if way > rest_equations.FAR * scales.length:
             return None
         exact = flat_directions.balanced(problem, found, scales, flat)
         if exact is None:

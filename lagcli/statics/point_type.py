@@ -24,7 +24,7 @@ import numpy.typing as npt
 from lagcli import doubles
 from lagcli.contact import least_distance
 from lagcli.linear import decompositions, rank
-from lagcli.statics import flat_directions, precise_zeros, refine
+from lagcli.statics import flat_directions, precise_zeros, refine, rest_equations
 from lagcli.statics.flat_directions import FlatVerdict
 from lagcli.statics.refine import EquilibriumPoint
 from lagcli.statics.rest_equations import RestEquations, Scales
@@ -32,35 +32,8 @@ from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
 Kind = Literal["minimum", "maximum", "saddle", "isolated", "degenerate"]
-
-
-class PointTypeParameters:
-    """Limits of what is zero where the kind of a point is told; parts are of no unit.
-
-    The tests are of `tests/unit/test_numbers_of_rest_searches.py` and
-    `tests/unit/test_numbers_of_statics.py`.
-    """
-
-    __slots__ = ()
-
-    flat: float = 1e-7
-    """Curvatures of this part of the largest are zero. `test_a_curvature_of_seven_digits_less_is_flat` fails
-    at 1e-8 and 1e-6."""
-    asymmetric: float = 1e-8
-    """Forces have no potential where the Hessian is asymmetric by this part.
-    `test_forces_have_no_potential_where_their_gradient_is_asymmetric` fails at 1e-9 and 1e-7."""
-    most_weak: int = 8
-    """All sets of so many contacts that carry nothing are gone through.
-    `test_all_sets_of_eight_contacts_that_carry_nothing_are_gone_through` fails at 0 and 80."""
-    doubtful: float = 1e-5
-    """Curvatures of this part of their terms may be none: higher derivatives are looked at.
-    `test_a_curvature_below_five_digits_of_its_terms_is_looked_at_again` fails at 1e-6 and 1e-4."""
-    soft: float = 1e-3
-    """And so may those of this part of force over length.
-    `test_a_curvature_is_looked_at_again_below_a_part_of_force_over_length` fails at 1e-4 and 1e-2."""
-
-
-PARAMETERS = PointTypeParameters()
+# All sets of so many contacts that carry nothing are gone through.
+MOST_WEAK = 8
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -118,7 +91,7 @@ def classify(
         units = np.sqrt(np.maximum(np.abs(H).max(axis=1), 1e-6 * widest))
         H = H / units[:, None] / units[None, :]
     largest = float(np.abs(H).max(initial=0.0))
-    if np.abs(H - H.T).max(initial=0.0) > PARAMETERS.asymmetric * largest:
+    if not decompositions.is_symmetric(H):
         return plain, point
     curvatures, axes = np.linalg.eigh((H + H.T) / 2)
     idle = [k for k in refine.touching(problem, point, scales) if k not in carry]
@@ -129,10 +102,11 @@ def classify(
     ways /= np.linalg.norm(ways, axis=0)
     slopes = np.abs(np.einsum("ij,ik,kj->j", ways, values.K, ways))
     floor = scales.force / scales.length
-    is_doubtful = np.abs(curvatures) <= PARAMETERS.doubtful * largest
-    is_doubtful |= slopes <= max(PARAMETERS.doubtful * float(np.abs(values.K).max()), PARAMETERS.soft * floor)
+    is_doubtful = np.abs(curvatures) <= rest_equations.SETTLED * largest
+    terms = rest_equations.SETTLED * float(np.abs(values.K).max())
+    is_doubtful |= slopes <= max(terms, rest_equations.SMALL * floor)
     bare = dataclasses.replace(held, closed=carry)
-    is_known = np.abs(curvatures) > PARAMETERS.flat * largest
+    is_known = np.abs(curvatures) > rest_equations.FLAT * largest
     signs = (np.sign(curvatures) * is_known * (slopes.max(initial=0.0) > doubles.ZERO * floor))[is_doubtful]
     verdict, is_whole = _of_doubtful(problem, bare, scales, (ways[:, is_doubtful], along), signs, is_exact)
     if is_exact and flat_directions.is_elsewhere(verdict.point, point, scales):
@@ -174,7 +148,7 @@ def _of_doubtful(
         found = precise_zeros.signs(RestEquations(problem, point.closed, scales), x)
         if found is not None and found[2] == along.shape[1]:
             return FlatVerdict(point, *found[:2]), True
-        is_small = problem.n + problem.C <= refine.PARAMETERS.large and len(problem.times) == 1
+        is_small = not problem.is_large and len(problem.times) == 1
         if is_small and is_holonomic(problem, point):
             basis = decompositions.orthonormal(doubtful)[0]
             return flat_directions.judged(problem, point, scales, (basis, along), is_exact), False
@@ -212,8 +186,8 @@ def _kind_on_cone(
 ) -> tuple[Kind, int]:
     """The kind and the index where only directions u with weak u >= 0 are allowed; counts: the positive and negative
     curvatures of H, which decide where contacts are too many to be gone through."""
-    (up, down), flat = counts, PARAMETERS.flat * float(np.abs(H).max(initial=0.0))
-    if len(weak) > PARAMETERS.most_weak:
+    (up, down), flat = counts, rest_equations.FLAT * float(np.abs(H).max(initial=0.0))
+    if len(weak) > MOST_WEAK:
         is_definite = len(H) in counts
         return _kind(up > 0, down > 0, True, *walls) if is_definite else "degenerate", down
     found = extremes(H, weak)
@@ -349,7 +323,7 @@ def _of_many_multipliers(
         return None
     known: dict[int, list[Floats]] = {1: [], -1: []}
     for sign, is_met in ((1, not shared.pulls), (-1, not shared.pushes)):
-        if is_met and len(point.closed) <= PARAMETERS.most_weak:
+        if is_met and len(point.closed) <= MOST_WEAK:
             known[sign] = [sign * curvature(lam) for lam in _vertices(problem, point, sign, limit)]
         if any(np.linalg.eigvalsh(H)[0] > nothing for H in known[sign]):
             kind = _kind(sign > 0, sign < 0, True, shared.pushes, shared.pulls)

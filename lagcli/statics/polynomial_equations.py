@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
@@ -20,33 +21,8 @@ from sympy.polys.rings import PolyElement, PolyRing
 from lagcli.compiled.program import Program
 
 Floats = npt.NDArray[np.float64]
-
-
-class PolynomialParameters:
-    """Sizes of polynomials. The tests are of `tests/unit/test_numbers_of_statics.py`."""
-
-    __slots__ = ()
-
-    written_digits: int = 12
-    """Digits of a number that somebody wrote: 0.1 is 1/10.
-    At 1 and at 120 `test_twelve_digits_are_written_and_thirteen_are_not` fails."""
-    roundings: int = 2
-    """Units of the last digit by which a number may differ from these digits: what a sum of two is off.
-    At 20 `test_a_rounding_of_a_sum_is_forgiven_and_four_are_not` fails."""
-    most_divisor: int = 1000
-    """Divisor of a quotient that somebody wrote: 0.333... is 1/3.
-    At 100 and 10 000 `test_quotients_are_exact_up_to_a_thousand` fails."""
-    most_terms: int = 400
-    """Terms of a numerator or denominator: a basis of larger ones takes minutes.
-    At 40 and 4000 `test_polynomials_have_degree_fourteen_and_four_hundred_terms_at_most` fails."""
-    most_degree: int = 14
-    """Their total degree. `test_polynomials_have_degree_fourteen_and_four_hundred_terms_at_most` fails at 1 and 140."""
-    most_turns: int = 6
-    """Whole multiples of an angle, each of which raises the degree.
-    At 1 and at 60 `test_six_turns_of_an_angle_are_a_polynomial_and_seven_are_not` fails."""
-
-
-PARAMETERS = PolynomialParameters()
+# The total degree of a numerator or denominator.
+DEGREE = 14
 
 
 class NotPolynomial(Exception):
@@ -135,125 +111,104 @@ class PolynomialEquations:
         return found
 
 
-def equations(
-    program: Program, unknowns: int, parameters: Floats, order: CountedOrder, signs: int = 0
-) -> PolynomialEquations:
-    """The first output of a function of (unknowns, parameters) as polynomials; its last values are no equations, but
-    asked for their signs. Raises `NotPolynomial`, `SpentError`."""
-    return _Translation(program, unknowns, parameters, order).result(program.results - signs)
-
-
 def exact(value: float) -> Fraction:
-    """A number as it was written, or computed of such numbers. Raises `NotPolynomial` for one that nobody wrote."""
-    text = f"{value:.{PARAMETERS.written_digits - 1}e}"
+    """A number as it was written, with twelve digits or as a quotient, or computed of such numbers. Raises
+    `NotPolynomial` for one that nobody wrote."""
     if math.isfinite(value):
-        for number in (Fraction(text), Fraction(value).limit_denominator(PARAMETERS.most_divisor)):
-            if abs(float(number) - value) <= PARAMETERS.roundings * math.ulp(value):
+        for number in (Fraction(f"{value:.11e}"), Fraction(value).limit_denominator(1000)):
+            if abs(float(number) - value) <= 2 * math.ulp(value):  # what a sum of two is off
                 return number
     raise NotPolynomial("it holds a number that is not exact")
 
 
-class _Translation:
-    """One program, its operations carried out in quotients of polynomials."""
-
-    def __init__(self, program: Program, unknowns: int, parameters: Floats, order: CountedOrder) -> None:
-        self._program, self._count, self._parameters = program, unknowns, parameters
-        # The inputs on which arguments of sines and cosines depend
+def equations(
+    program: Program,
+    unknowns: int,
+    parameters: Sequence[float],
+    order: CountedOrder,
+    asked: Program | None = None,
+) -> PolynomialEquations:
+    """A function of (unknowns, parameters) as polynomials that vanish, and one that is asked for its signs. Raises
+    `NotPolynomial`, `SpentError`."""
+    programs = [program] if asked is None else [program, asked]
+    steps = [step for each in programs for step in each.steps]
+    # The unknowns on which arguments of sines and cosines depend
+    angles: set[int] = set()
+    for each in programs:
         depends: dict[int, frozenset[int]] = {}
-        angles: set[int] = set()
-        for name, out, ins, _ in program.steps:
+        for name, out, ins, _ in each.steps:
             if name == "input":
                 depends[out[0]] = frozenset([ins[1]]) if ins[0] == 0 else frozenset()
             elif name != "output":
-                depends[out[0]] = frozenset().union(*(depends.get(i, frozenset()) for i in ins))
-                if name in ("sin", "cos", "tan"):
-                    angles |= depends[ins[0]]
-        self._angles = tuple(sorted(angles))
-        roots = sum(step[0] in ("sqrt", "pow", "constpow") for step in program.steps)
-        names = [f"x{k}" for k in range(unknowns)]
-        names += [f"{letter}{k}" for k in self._angles for letter in "sc"]
-        self._first_root = len(names)
-        names += [f"w{k}" for k in range(roots)]
-        self._ring = PolyRing(names, QQ, order)
-        self._one = self._ring.one
-        self._is_of_equations = True
-        self._roots: list[RootUnknown] = []
-        self._denominators: list[PolyElement] = []
-        self._divisors: list[PolyElement] = []
+                depends[out[0]] = frozenset().union(*(depends[i] for i in ins))
+                angles |= depends[ins[0]] if name in ("sin", "cos", "tan") else frozenset()
+    names = [f"x{k}" for k in range(unknowns)] + [f"{letter}{k}" for k in sorted(angles) for letter in "sc"]
+    first_root = len(names)
+    names += [f"w{k}" for k in range(sum(step[0] in ("sqrt", "pow", "constpow") for step in steps))]
+    ring = PolyRing(names, QQ, order)
+    translation = _Translation(ring, unknowns, tuple(sorted(angles)))
+    occurring = {ins[1] for name, _, ins, _ in steps if name == "input" and ins[0] == 1}
+    numbers = [translation.number(x if k in occurring else 0.0) for k, x in enumerate(parameters)]
+    inputs = [[Quotient(x, ring.one) for x in ring.gens[:unknowns]], numbers]
+    found, signs = program.run(inputs, translation.number, translation.operation), list[Quotient]()
+    if asked is not None:
+        translation.is_of_equations = False
+        signs = asked.run(inputs, translation.number, translation.operation)
+    zeros = [value.above for value in found]
+    for k in range(unknowns, first_root, 2):
+        s, c = ring.gens[k : k + 2]
+        zeros.append(s**2 + c**2 - 1)
+    for k, root in enumerate(translation.roots):
+        if root.is_unknown:
+            zeros.append(ring.gens[first_root + k] ** 2 * root.square.below - root.square.above)
+    # An angle stands in sines and cosines alone, or there are no polynomials.
+    everything = [*zeros, *(part for sign in signs for part in (sign.above, sign.below))]
+    for angle in angles:
+        if any(powers[angle] for part in everything for powers in part.itermonoms()):
+            raise NotPolynomial("an angle stands beside its own sine")
+    return PolynomialEquations(
+        ring,
+        tuple(names[: first_root + len(translation.roots)]),
+        tuple(zero for zero in zeros if zero),
+        tuple(dict.fromkeys(d for d in translation.denominators if not d.is_ground)),
+        tuple(sorted(angles)),
+        tuple(translation.roots),
+        unknowns,
+        tuple(signs),
+        tuple(dict.fromkeys(d for d in translation.divisors if not d.is_ground)),
+    )
 
-    def result(self, count: int) -> PolynomialEquations:
-        """The first outputs as equations, the others as signs."""
-        # For each step whether one of the equations needs it, from the last step on
-        needed: set[int] = set()
-        of_equations: list[bool] = []
-        for name, out, ins, _ in reversed(self._program.steps):
-            if name == "output":
-                is_needed = out[0] == 0 and out[1] < count
-            else:
-                is_needed = out[0] in needed
-                needed.discard(out[0])
-            of_equations.append(is_needed)
-            if is_needed and name not in ("input", "const"):
-                needed.update(ins)
-        registers: dict[int, Quotient] = {}
-        outputs: dict[int, Quotient] = {}
-        for name, out, ins, value in self._program.steps:
-            self._is_of_equations = of_equations.pop()
-            if name == "output":
-                if out[0] == 0:
-                    outputs[out[1]] = registers[ins[0]]
-            elif name == "input" and ins[0] == 0:
-                registers[out[0]] = Quotient(self._ring.gens[ins[1]], self._one)
-            elif name == "input":
-                registers[out[0]] = self._number(float(self._parameters[ins[1]]))
-            elif name == "const":
-                registers[out[0]] = self._number(value)
-            else:
-                registers[out[0]] = self._operation(name, [registers[i] for i in ins])
-        zeros = [outputs[k].above for k in range(count)]
-        gens = self._ring.gens
-        for k in range(len(self._angles)):
-            s, c = gens[self._count + 2 * k : self._count + 2 * k + 2]
-            zeros.append(s**2 + c**2 - 1)
-        for k, root in enumerate(self._roots):
-            if root.is_unknown:
-                zeros.append(gens[self._first_root + k] ** 2 * root.square.below - root.square.above)
-        signs = tuple(outputs[k] for k in range(count, len(outputs)))
-        # An angle stands in sines and cosines alone, or there are no polynomials.
-        everything = [*zeros, *(part for sign in signs for part in (sign.above, sign.below))]
-        for angle in self._angles:
-            if any(powers[angle] for part in everything for powers in part.itermonoms()):
-                raise NotPolynomial("an angle stands beside its own sine")
-        return PolynomialEquations(
-            self._ring,
-            tuple(map(str, self._ring.symbols))[: self._first_root + len(self._roots)],
-            tuple(zero for zero in zeros if zero),
-            tuple(dict.fromkeys(d for d in self._denominators if not d.is_ground)),
-            self._angles,
-            tuple(self._roots),
-            self._count,
-            signs,
-            tuple(dict.fromkeys(d for d in self._divisors if not d.is_ground)),
-        )
 
-    def _number(self, value: float) -> Quotient:
+class _Translation:
+    """Operations in quotients of polynomials: roots, denominators of the equations, and divisors of what is asked for
+    beside them."""
+
+    def __init__(self, ring: PolyRing, unknowns: int, angles: tuple[int, ...]) -> None:
+        self._ring, self._one = ring, ring.one
+        self._count, self._angles = unknowns, angles
+        self.is_of_equations = True
+        self.roots: list[RootUnknown] = []
+        self.denominators: list[PolyElement] = []
+        self.divisors: list[PolyElement] = []
+
+    def number(self, value: float) -> Quotient:
+        """A number that somebody wrote."""
         found = exact(value)
         return Quotient(self._ring.ground_new(QQ(found.numerator, found.denominator)), self._one)
 
-    def _operation(self, name: str, given: list[Quotient]) -> Quotient:
-        a, b = given[0], given[-1]
+    def operation(self, name: str, a: Quotient, *further: Quotient) -> Quotient:
+        """The result of an operation."""
+        b = further[-1] if further else a
         match name:
             case "add" | "sub":
                 sign = 1 if name == "add" else -1
                 if a.below == b.below:
                     return self._quotient(a.above + sign * b.above, a.below)
                 return self._quotient(a.above * b.below + sign * b.above * a.below, a.below * b.below)
-            case "mul":
+            case "mul" | "sq":
                 return self._quotient(a.above * b.above, a.below * b.below)
             case "neg":
                 return Quotient(-a.above, a.below)
-            case "sq":
-                return self._quotient(a.above**2, a.below**2)
             case "twice":
                 return Quotient(2 * a.above, a.below)
             case "assign":
@@ -273,7 +228,7 @@ class _Translation:
     def _quotient(self, above: PolyElement, below: PolyElement) -> Quotient:
         for part in (above, below):
             degree = max(map(sum, part.itermonoms()), default=0)
-            if len(part) > PARAMETERS.most_terms or degree > PARAMETERS.most_degree:
+            if len(part) > 400 or degree > DEGREE:  # a basis of larger ones takes minutes
                 raise NotPolynomial("its polynomials are too large")
         if below.is_ground:
             return Quotient(above * (1 / QQ.convert(below.LC)), self._one)
@@ -285,7 +240,7 @@ class _Translation:
     def _divided(self, a: Quotient, b: Quotient) -> Quotient:
         if b.above == 0:
             raise NotPolynomial("it divides by zero")
-        (self._denominators if self._is_of_equations else self._divisors).append(b.above)
+        (self.denominators if self.is_of_equations else self.divisors).append(b.above)
         return self._quotient(a.above * b.below, a.below * b.above)
 
     def _power(self, a: Quotient, exponent: Quotient) -> Quotient:
@@ -295,7 +250,7 @@ class _Translation:
         if number.denominator == 2:
             whole = Quotient(self._ring.ground_new(QQ(number.numerator)), self._one)
             return self._power(self._root(a), whole)
-        if number.denominator != 1 or abs(number) > PARAMETERS.most_degree:
+        if number.denominator != 1 or abs(number) > DEGREE:
             raise NotPolynomial("it holds a power that is not whole")
         integer = int(number)
         if integer < 0:
@@ -310,16 +265,16 @@ class _Translation:
             if value < 0 or root * root != value:
                 raise NotPolynomial("it holds a root that is not rational")
             return Quotient(self._ring.ground_new(QQ(root.numerator, root.denominator)), self._one)
-        known = next((k for k, root in enumerate(self._roots) if root.square == a), None)
+        known = next((k for k, root in enumerate(self.roots) if root.square == a), None)
         if known is None:
-            known = len(self._roots)
-            self._roots.append(RootUnknown(a, self._is_of_equations))
-        elif self._is_of_equations and not self._roots[known].is_unknown:
-            self._roots[known] = RootUnknown(a, True)
-        if self._is_of_equations:
+            known = len(self.roots)
+            self.roots.append(RootUnknown(a, self.is_of_equations))
+        elif self.is_of_equations and not self.roots[known].is_unknown:
+            self.roots[known] = RootUnknown(a, True)
+        if self.is_of_equations:
             # Where the root vanishes its derivative has no value.
-            self._denominators.append(a.above)
-        return Quotient(self._ring.gens[self._first_root + known], self._one)
+            self.denominators.append(a.above)
+        return Quotient(self._ring.gens[self._count + 2 * len(self._angles) + known], self._one)
 
     def _turned(self, name: str, a: Quotient) -> Quotient:
         """The sine or cosine of a sum of whole multiples of angles."""
@@ -328,7 +283,7 @@ class _Translation:
         s, c = self._ring.zero, self._one
         for powers, factor in (a.above * (1 / QQ.convert(a.below.LC))).terms():
             turns = Fraction(str(factor))
-            if sum(powers) != 1 or turns.denominator != 1 or abs(turns) > PARAMETERS.most_turns:
+            if sum(powers) != 1 or turns.denominator != 1 or abs(turns) > 6:
                 raise NotPolynomial("it holds a sine of something else than whole angles")
             angle = powers.index(1)
             if angle not in self._angles:

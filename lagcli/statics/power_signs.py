@@ -24,27 +24,11 @@ import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.linear import decompositions, rank
+from lagcli.statics import rest_equations
 
 Floats = npt.NDArray[np.float64]
 # (i, j) -> the coefficient of a^i b^j and its rounding.
 Terms = Mapping[tuple[Fraction, int], tuple[float, float]]
-
-
-class SignParameters:
-    """Numbers of signs. The tests are of `tests/unit/test_numbers_of_statics.py`."""
-
-    __slots__ = ()
-
-    same: float = 1e-3
-    """Points at which a polynomial touches zero that are one: of a multiple zero the highest derivative tells it.
-    `test_a_fourfold_zero_is_one_branch` fails at 1e-4 and 1e-2."""
-
-    boxes: int = 40_000
-    """Boxes in which the bounds of a function of three or more variables are looked at.
-    `test_a_form_of_three_is_definite_where_its_least_is_a_part_of_its_largest` fails at 4000."""
-
-
-PARAMETERS = SignParameters()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -200,7 +184,7 @@ def _on_box(
         factors = np.abs(c) * (exponents @ own) * ((exponents - own) @ other)
         seconds.append((i, j, np.maximum(exponents - own - other, 0), factors))
     sides = [(i, side) for i in range(k) for side in ((1.0, -1.0) if is_odd else (1.0,))]
-    left = PARAMETERS.boxes
+    left = 40_000  # boxes that are looked at
     for axis, side in sides:
         centers, half = side * np.eye(k)[axis][None], 1.0
         wide = np.array([0.0 if i == axis else 1.0 for i in range(k)])
@@ -285,7 +269,7 @@ def _on_edge(
         value, floor = float(c @ powers), float(e @ np.abs(powers))
         if abs(value) > floor:
             found |= PowerSigns(value > 0, value < 0, True)
-        elif not any(abs(s - other) <= PARAMETERS.same * abs(s) for other in touched):
+        elif not any(abs(s - other) <= rest_equations.SMALL * abs(s) for other in touched):
             touched.append(s)
             found |= _signs(_shifted(terms, s, line[0]), line[0], orders)
     return found

@@ -19,9 +19,14 @@ from lagcli.compiled import multiprecision
 from lagcli.compiled.program import Program
 from lagcli.linear import decompositions, surface
 from lagcli.linear.surface import Point
+<<<<<<< HEAD
 from lagcli.start import precise_rows
 from lagcli.statics import flat_directions, polynomial_equations
 from lagcli.statics.rest_equations import RestEquations
+=======
+from lagcli.statics import polynomial_equations, rest_equations
+from lagcli.statics.rest_equations import LENGTHS, RestEquations
+>>>>>>> e02829d2 (Points of rest: searches share their numbers, and what was said twice is said once)
 from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
@@ -29,34 +34,10 @@ Numbers = list[Decimal]
 ZERO = Decimal(0)
 
 
-class PreciseZeroParameters:
-    """Numbers of zeros in many digits. The tests are of `tests/unit/test_precise_zeros.py`."""
-
-    __slots__ = ()
-
-    digits: int = 300
-    """Digits of the arithmetic. `test_a_sixth_power_vanishes_in_three_hundred_digits` fails at 20."""
-    steps: int = 1000
-    """Newton's steps: at a power of twelve each leaves ten elevenths of the way.
-    `test_a_thousand_steps_lead_to_where_a_twelfth_power_vanishes` fails at 100."""
-    arrived: Decimal = Decimal("1e-20")
-    """The last step, as a part of the size of things: a double has sixteen digits.
-    `test_a_sixth_power_vanishes_in_three_hundred_digits` fails at 1e-2."""
-    far: float = 0.3
-    """A zero that is farther than this part of the size of things is another one.
-    `test_a_zero_far_away_is_another_one` fails at 0.03 and 3."""
-    most: int = 12
-    """Unknowns: time grows with the cube of their number. `test_equations_of_twelve_unknowns_have_many_digits` fails at
-    1 and 120."""
-    digits_of_signs: int = 60
-    """Digits of the arithmetic in which signs of curvatures are looked for, twenty of them rounding: no zero has to be
-    found there that is degenerate. `test_a_curvature_of_twenty_digits_less_has_a_sign` fails at 30."""
-    doubtful: float = 1e-3
-    """Gradients that are dependent but for this part may be so at the zero, and then it is known to a part of its
-    digits. `test_a_zero_is_doubtful_where_a_curvature_is_a_thousandth` fails at 1e-4 and 1e-2."""
-
-
-PARAMETERS = PreciseZeroParameters()
+# The arithmetic of zeros, and that in which signs of curvatures are looked for, of which twenty digits are rounding: no
+# zero has to be found there that is degenerate.
+ZEROS, SIGNS = decimal.Context(prec=300), decimal.Context(prec=60)
+ARRIVED = Decimal("1e-20")  # the last step, as a part of the size of things: a double has sixteen digits
 
 
 def is_doubtful(equations: RestEquations, x: Floats) -> bool:
@@ -67,12 +48,13 @@ def is_doubtful(equations: RestEquations, x: Floats) -> bool:
     widths, n = np.linalg.norm(found[1], axis=0), equations.problem.n
     widths[:n] = np.maximum(widths[:n], 1 / equations.scales.length)  # forces are measured by their unit
     sizes = decompositions.singular_values(found[1] / np.where(widths > 0, widths, 1.0))
-    return bool(sizes.size and sizes[-1] <= PARAMETERS.doubtful * max(1.0, sizes[0]))
+    return bool(sizes.size and sizes[-1] <= rest_equations.SMALL * max(1.0, sizes[0]))
 
 
 def is_known(equations: RestEquations, x: Floats) -> bool:
-    """True if the equations have many digits: they are few, and hold no t and no function that is not known in them."""
-    if len(equations.problem.times) > 1 or x.size > PARAMETERS.most or equations.closed is None:
+    """True if the equations have many digits: they are few, for the cost grows with the cube of their number, and hold
+    no t and no function that is not known in them."""
+    if len(equations.problem.times) > 1 or x.size > 12 or equations.closed is None:
         return False
     return _has_digits(equations.precise_program)
 
@@ -100,7 +82,7 @@ def nearest(equations: RestEquations, x: Floats) -> Floats | None:
     # A point that is right to rounding, its multipliers too, stays where doubles balance.
     moved = np.abs(found - x)
     is_rounding = moved[:n].max(initial=0.0) <= 8 * doubles.EPS * length
-    is_rounding &= moved[n:].max(initial=0.0) <= PARAMETERS.doubtful * np.abs(x[n:]).max(initial=0.0)
+    is_rounding &= moved[n:].max(initial=0.0) <= rest_equations.SMALL * np.abs(x[n:]).max(initial=0.0)
     return x if is_rounding else found
 
 
@@ -108,16 +90,17 @@ def is_met(problem: StaticProblem, q: Floats, length: float) -> bool:
     """True if all conditions of a problem are zero together at or near q (n,), by Newton's steps in many digits: the
     least value of one may be less than doubles tell. Conditions with a function that is not known in them are taken to
     be."""
-    program = problem.conditions_program()
+    program = problem.with_gradient(problem.laws.c)
     return not _has_digits(program) or _approached(problem, program, q, length) is not None
 
 
 def _approached(problem: StaticProblem, program: Program, x: Floats, length: float) -> Floats | None:
     """The zero (k,) near x of the values of a program, which are followed by their gradients; None where Newton's steps
     come to none."""
-    with decimal.localcontext(prec=PARAMETERS.digits):
-        at = _AtPoint(problem, program, x, length, PARAMETERS.arrived)
-        end = surface.approach(at, at.begun, steps=PARAMETERS.steps)
+    with decimal.localcontext(ZEROS):
+        at = _AtPoint(problem, program, x, length, ARRIVED)
+        # At a power of twelve each step leaves ten elevenths of the way.
+        end = surface.approach(at, at.begun, steps=1000)
         arrived = None if end is None else at(end.x)
         if end is None or arrived is None or not arrived.is_there:
             return None
@@ -129,7 +112,7 @@ def value(problem: StaticProblem, q: Floats) -> float:
     none."""
     if not _has_digits(problem.value_program):
         return problem.value(q)
-    with decimal.localcontext(prec=PARAMETERS.digits_of_signs):
+    with decimal.localcontext(SIGNS):
         given = [multiprecision.decimal_of(x) for x in q.tolist()]
         numbers = [number(x) for x in (problem.t, *problem.p.tolist())]
         try:
@@ -142,11 +125,11 @@ def led_to(equations: RestEquations, x: Floats) -> Floats | None:
     """x (k,), or where Newton's first step from there in many digits leaves its neighbourhood the zero that the steps
     lead to, however far; None where they lead to none: beside terms of 1e14, and along a direction that is hardly held,
     doubles see no force where no zero is near."""
-    with decimal.localcontext(prec=PARAMETERS.digits_of_signs):
+    with decimal.localcontext(SIGNS):
         length = equations.scales.length
         at = _AtPoint(equations.problem, equations.precise_program, x, length, _rounding(), math.inf)
         begun = at(at.begun)
-        if begun is None or begun.distance <= flat_directions.PARAMETERS.near:
+        if begun is None or begun.distance <= LENGTHS.near:
             return x
         end = surface.approach(at, at.begun)
         return np.array([float(value) for value in end.x]) if end is not None and end.is_met else None
@@ -164,7 +147,7 @@ def signs(equations: RestEquations, x: Floats) -> tuple[int, int, int] | None:
             polynomial_equations.exact(value)
     except polynomial_equations.NotPolynomial:
         return None
-    with decimal.localcontext(prec=PARAMETERS.digits_of_signs):
+    with decimal.localcontext(SIGNS):
         length = equations.scales.length
         at = _AtPoint(problem, equations.precise_program, x, length, _rounding())
         end = surface.approach(at, at.begun)
@@ -194,7 +177,7 @@ class _AtPoint:
         x: Floats,
         length: float,
         arrived: Decimal,
-        far: float = PARAMETERS.far,
+        far: float = LENGTHS.stride,
     ) -> None:
         self._program, self._n = program, problem.n
         self._numbers = [number(value) for value in (problem.t, *problem.p.tolist())]

@@ -14,52 +14,15 @@ import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.linear import decompositions, surface
-from lagcli.statics import rest_equations
+from lagcli.linear.surface import NewtonEnd
+from lagcli.start import configuration_search
+from lagcli.statics import rest_equations, static_problem
 from lagcli.statics.rest_equations import RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
 Residual = Callable[[Floats], tuple[Floats, Floats] | None]
-
-
-class RefineParameters:
-    """Numbers of a search for a point. The tests are of `tests/unit/test_numbers_of_rest_searches.py`."""
-
-    __slots__ = ()
-
-    most_damped: int = 200
-    """Damped steps of one search: from afar some tens are the rule, and a valley that bends takes more.
-    `test_two_hundred_damped_steps_are_made_of_a_search` fails at 20 and 2000."""
-    least: float = 1e-13
-    """The least damping, so that the normal equations have a solution.
-    `test_the_least_damping_holds_back_what_is_seven_digits_weaker` fails at 1e-14 and 1e-12."""
-    dense: int = 120
-    """Of more unknowns the normal equations are solved by sparse algebra, which costs less from here on.
-    `test_above_a_hundred_and_twenty_unknowns_algebra_is_sparse` fails at 12 and 1200."""
-    settled: float = 1e-5
-    """The last Newton step, as a part of the unknowns: 1e-8 where a zero is double.
-    `test_a_point_is_settled_and_balanced` fails at 1e-6 and 0.0001."""
-    changes: int = 12
-    """Sets of closed contacts that are tried in turn.
-    `test_twelve_sets_of_closed_contacts_are_tried_from_a_guess` fails at 1 and 120."""
-    offset: tuple[float, ...] = (0.003, 0.03, 0.1, 0.3)
-    """How far starts beside the first one lie, as parts of the size of things.
-    `test_starts_lie_beside_the_first_in_four_sizes` fails at a tenth and at ten times of it."""
-    large: int = 60
-    """Above so many unknowns the starts aside wait until the way downhill has failed, for they cost much.
-    `test_above_sixty_unknowns_the_starts_beside_wait` fails at 6 and 600."""
-
-
-PARAMETERS = RefineParameters()
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class NewtonEnd:
-    """The end of a search: x, the norm of the residual, and the last Newton step, the largest part of an unknown."""
-
-    x: Floats
-    residual: float
-    step: float
+OFFSETS = configuration_search.PARAMETERS.offsets
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -81,9 +44,9 @@ class NoEquilibrium:
     q: Floats
 
 
-def solve(residual: Residual, x: Floats, damped: int = PARAMETERS.most_damped) -> NewtonEnd | None:
-    """The zero that damped steps lead to, refined; or the point with the least residual met. None where the residual
-    has no value at the start."""
+def solve(residual: Residual, x: Floats, damped: int = 200) -> NewtonEnd | None:
+    """The zero that so many damped steps lead to, refined; or the point with the least residual met. None where the
+    residual has no value at the start."""
     begun = residual(x)
     if begun is None:
         return None
@@ -92,11 +55,11 @@ def solve(residual: Residual, x: Floats, damped: int = PARAMETERS.most_damped) -
         x, r, J = _lowered(residual, x, begun, damped, doubles.ROOT)
         end, left = refined(residual, x), np.linalg.norm(r)
         # A double zero is as far as the root of the residual: what seems farther is so by rounding alone.
-        if 2 * end.residual > left and end.step**2 > doubles.ROOT >= left:
+        if 2 * end.distance > left and end.moved**2 > doubles.ROOT >= left:
             # Beside a continuum gradients are dependent but for the distance, and the shortest step goes far along it.
             x, r, _ = _lowered(residual, x, (r, J), damped, 0.0)
             again = refined(residual, x)
-            end = min(end, again, key=lambda each: each.residual)
+            end = min(end, again, key=lambda each: each.distance)
         return end
 
 
@@ -116,7 +79,19 @@ def _lowered(
         slope = J.T @ r
         if np.abs(slope / unit).max(initial=0.0) < doubles.SUM * size:
             break  # the bottom of a valley
-        step = _damped(J, slope, damping, unit)
+        # The step that is shortest in the scaled norm for its gain; with some damping the normal equations have one.
+        scaled, least = J / unit, max(damping, doubles.VALUE)
+        if unit.size <= static_problem.DENSE:
+            normal = scaled.T @ scaled
+            normal[np.diag_indices_from(normal)] += least
+            step = -np.linalg.solve(normal, slope / unit) / unit
+        else:  # most entries of J are zero in a large model
+            from scipy import sparse
+            from scipy.sparse import linalg
+
+            columns = sparse.csc_array(scaled)
+            few = sparse.csc_matrix(columns.T @ columns + least * sparse.eye(unit.size))
+            step = -linalg.splu(few).solve(slope / unit) / unit
         there = residual(x + step)
         expected = size**2 - float(np.linalg.norm(r + J @ step)) ** 2
         gained = size**2 - (np.inf if there is None else float(np.linalg.norm(there[0])) ** 2)
@@ -132,23 +107,6 @@ def _lowered(
     return x, r, J
 
 
-def _damped(J: Floats, slope: Floats, damping: float, unit: Floats) -> Floats:
-    """The step that is shortest in the scaled norm for its gain."""
-    damping = max(damping, PARAMETERS.least)
-    if unit.size <= PARAMETERS.dense:
-        scaled = J / unit
-        normal = scaled.T @ scaled
-        normal[np.diag_indices_from(normal)] += damping
-        return np.asarray(-np.linalg.solve(normal, slope / unit) / unit)
-    # Most entries of J are zero in a large model.
-    from scipy import sparse
-    from scipy.sparse import linalg
-
-    columns = sparse.csc_array(J / unit)
-    few = sparse.csc_matrix(columns.T @ columns + damping * sparse.eye(unit.size))
-    return np.asarray(-linalg.splu(few).solve(slope / unit) / unit)
-
-
 def refined(residual: Residual, x: Floats) -> NewtonEnd:
     """The end of Newton's steps from x as long as they lead downhill."""
 
@@ -158,7 +116,7 @@ def refined(residual: Residual, x: Floats) -> NewtonEnd:
 
     end = surface.approach(at, x, may_rise=False)
     assert end is not None
-    return NewtonEnd(end.x, end.distance, end.moved)
+    return end
 
 
 class _Linear:
@@ -175,7 +133,7 @@ class _Linear:
 
 
 def nearest_equilibrium(
-    problem: StaticProblem, begin: Floats, asides: Sequence[float] = PARAMETERS.offset
+    problem: StaticProblem, begin: Floats, asides: Sequence[float] = OFFSETS
 ) -> EquilibriumPoint | NoEquilibrium:
     """The point of rest reached from a configuration: by damped Newton steps, and from beside it where these fail.
 
@@ -198,58 +156,48 @@ def reached(
 ) -> EquilibriumPoint | NoEquilibrium:
     """The point that a configuration leads to with these contacts closed, whatever the signs of lambda and g."""
     equations = RestEquations(problem, closed, scales)
-    x = begun(equations, begin)
+    x = equations.begun(begin)
     found = None if x is None else solve(equations, x)
-    return NoEquilibrium(np.inf, begin) if found is None else settled(equations, found.x, found.step)
-
-
-def begun(equations: RestEquations, begin: Floats) -> Floats | None:
-    """The unknowns at a configuration, with the multipliers that come closest to balance."""
-    each = equations.multipliers(begin)
-    return None if each is None else np.concatenate([begin, *each])
-
-
-def unknowns(equations: RestEquations, point: EquilibriumPoint) -> Floats:
-    """q of a point and the multipliers that balance best there, as one vector."""
-    found = begun(equations, point.q)
-    assert found is not None
-    return found
+    return NoEquilibrium(np.inf, begin) if found is None else settled(equations, found.x, found.moved)
 
 
 def settled(equations: RestEquations, x: Floats, step: float = 0.0) -> EquilibriumPoint | NoEquilibrium:
     """The point where a search ended with a step, if it is one; without a step the point as it is given."""
-    problem, scales, acting = equations.problem, equations.scales, equations.acting
+    problem, scales, contacts = equations.problem, equations.scales, equations.contacts
     q, each = equations.split(x)
     lam = equations.all_multipliers(each[0])
     values = problem.at(problem.t, q, lam)
-    rows = np.vstack([values.B, values.G[acting]])
-    by = lam[[*range(problem.C), *(problem.C + k for k in acting)]]
-    parts = [values.F + rows.T @ by, values.c, values.g[acting]]
+    parts = [values.F + values.rows(contacts).T @ each[0], values.c, values.g[contacts]]
     residual = float(max(np.abs(part).max(initial=0.0) for part in parts))
-    is_point = step <= PARAMETERS.settled and equations.unbalanced(x) <= doubles.ZERO
+    is_point = step <= rest_equations.SETTLED and equations.unbalanced(x) <= doubles.ZERO
     # A point of rest is one at further times too.
     for t in problem.later if is_point else ():
         values = problem.at(t, q, problem.nothing)
-        rows = np.vstack([values.B, values.G[acting]])
-        left = np.abs(decompositions.residual(rows.T, values.F)).max(initial=0.0) / scales.force
-        apart = np.abs(values.c / (scales.conditions * scales.length)).max(initial=0.0)
-        if not max(left, apart) <= 1e-8:
-            is_point = False
-            break
+        left = decompositions.residual(values.rows(contacts).T, values.F) / scales.force
+        apart = values.c / (scales.conditions * scales.length)
+        is_point &= bool(np.abs(np.concatenate([left, apart])).max(initial=0.0) <= 10 * doubles.ZERO)
     if is_point:
-        return EquilibriumPoint(q.copy(), lam, tuple(acting), residual)
+        return EquilibriumPoint(q.copy(), lam, tuple(contacts), residual)
     return NoEquilibrium(residual if np.isfinite(residual) else np.inf, q.copy())
 
 
 def pushed(problem: StaticProblem, begin: Floats, scales: Scales) -> EquilibriumPoint | NoEquilibrium:
     """The point that a configuration leads to with contacts that push."""
-    values = problem.at(problem.t, begin, problem.nothing)
-    near = np.flatnonzero(values.g <= doubles.ZERO * scales.contacts * scales.length)
-    guesses = [_complementary(problem, begin, scales), (begin, tuple(near.tolist())), (begin, ())]
+    near = np.flatnonzero(problem.at(problem.t, begin, problem.nothing).g <= scales.touch)
+    guesses = [(begin, tuple(near.tolist())), (begin, ())]
+    # First the end of a search with all contacts, and those that are closed there
+    equations = RestEquations(problem, None, scales)
+    x = equations.begun(begin)
+    end = None if x is None else solve(equations, x)
+    if end is not None:
+        q, each = equations.split(end.x)
+        g = problem.at(problem.t, q, problem.nothing).g
+        push = each[0][problem.C :] * scales.contacts / scales.force * scales.length
+        guesses.insert(0, (q, tuple(np.flatnonzero(push > g / scales.contacts).tolist())))
     best: EquilibriumPoint | NoEquilibrium = NoEquilibrium(np.inf, begin)
     for point, closed in guesses:
         tried: set[tuple[int, ...]] = set()
-        while closed not in tried and len(tried) < PARAMETERS.changes:
+        while closed not in tried and len(tried) < 12:
             tried.add(closed)
             found = reached(problem, point, closed, scales)
             if isinstance(found, NoEquilibrium):
@@ -262,32 +210,16 @@ def pushed(problem: StaticProblem, begin: Floats, scales: Scales) -> Equilibrium
     return best
 
 
-def _complementary(problem: StaticProblem, begin: Floats, scales: Scales) -> tuple[Floats, tuple[int, ...]]:
-    """The end of a search with all contacts, and those that are closed there."""
-    equations = RestEquations(problem, None, scales)
-    x = begun(equations, begin)
-    found = None if x is None else solve(equations, x)
-    if found is None:
-        return begin, ()
-    q, each = equations.split(found.x)
-    values = problem.at(problem.t, q, problem.nothing)
-    push = each[0][problem.C :] * scales.contacts / scales.force * scales.length
-    closed = np.flatnonzero(push > values.g / scales.contacts)
-    return q, tuple(closed.tolist())
-
-
 def wrong_side(problem: StaticProblem, point: EquilibriumPoint, scales: Scales) -> tuple[set[int], set[int]]:
     """The contacts that pull at a point, and the open ones behind whose surface it lies."""
     values = problem.at(problem.t, point.q, point.lam)
     lam = point.lam[problem.C :]
     pulling = {k for k in point.closed if lam[k] * scales.contacts[k] < -doubles.ZERO * scales.force}
-    limits = doubles.ZERO * scales.contacts * scales.length
-    below = {k for k in range(problem.K) if k not in point.closed and not values.g[k] >= -limits[k]}
+    below = set(np.flatnonzero(~(values.g >= -scales.touch)).tolist()) - set(point.closed)
     return pulling, below
 
 
 def touching(problem: StaticProblem, found: EquilibriumPoint, scales: Scales) -> tuple[int, ...]:
     """The contacts that touch at a point, those that carry nothing included."""
-    g = problem.at(problem.t, found.q, found.lam).g
-    near = np.flatnonzero(g <= doubles.ZERO * scales.contacts * scales.length)
+    near = np.flatnonzero(problem.at(problem.t, found.q, found.lam).g <= scales.touch)
     return tuple(sorted({*found.closed, *near.tolist()}))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 
 import casadi as ca
 import numpy as np
@@ -22,8 +23,35 @@ from lagcli.statics.static_problem import StaticProblem
 
 Floats = npt.NDArray[np.float64]
 
-# Of a unit: terms that are smaller than this vanish by accident.
-SMALL = 1e-3
+# Of a unit: terms that are smaller vanish by accident, curvatures may be none, and zeros of a flat function are one.
+SMALL = math.sqrt(doubles.ROOT)
+# Of the size of things: the last step to a point, 1e-8 where a zero is double.
+SETTLED = 10 * doubles.ROOT
+# Curvatures of this part of the largest are zero: a chain of n links has some of 1/n^2.
+FLAT = 100 * doubles.ZERO
+# Sizes of things: what goes down farther goes down for ever.
+FAR = 1 / SMALL
+
+
+class LengthParameters:
+    """Parts of the size of things. The tests are of `tests/unit/test_numbers_of_rest_searches.py`,
+    `tests/unit/test_numbers_of_statics.py` and `tests/unit/test_precise_zeros.py`."""
+
+    __slots__ = ()
+
+    near: float = 1e-2
+    """How far a point may be moved that is known to a part of its digits, and a step that tells a continuum: far above
+    the digits of a point that is alone and degenerate. `test_a_point_is_not_moved_by_more_than_a_hundredth` and
+    `test_a_continuum_is_told_by_a_step_of_a_hundredth` fail at 0.001 and 0.1."""
+    stride: float = 0.3
+    """The longest step downhill and along a path, and how far off the zero may be that a point stands for: farther off
+    the linear equations say nothing. `test_a_zero_far_away_is_another_one` fails at 0.03 and 3."""
+    walk: float = 0.2
+    """The longest step of a walk along a continuum. `test_circles_that_meet_are_one_continuum` of
+    `tests/physics/test_statics_proofs.py` fails at 0.02 and 2."""
+
+
+LENGTHS = LengthParameters()
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -38,6 +66,11 @@ class Scales:
     forces: Floats
     own: Floats
 
+    @property
+    def touch(self) -> Floats:
+        """The gaps (K,) of contacts up to which they are closed."""
+        return np.asarray(doubles.ZERO * self.contacts * self.length)
+
 
 class RestEquations:
     """The equations with some contacts closed, or, where `closed` is None, with 0 <= lambda complementary to g >= 0.
@@ -47,8 +80,9 @@ class RestEquations:
 
     def __init__(self, problem: StaticProblem, closed: tuple[int, ...] | None, scales: Scales) -> None:
         self.problem, self.closed, self.scales = problem, closed, scales
-        self.acting = list(range(problem.K)) if closed is None else list(closed)
-        self.rows = problem.C + len(self.acting)
+        self.contacts = list(range(problem.K)) if closed is None else list(closed)
+        self.acting = problem.acting(self.contacts)
+        self.rows = len(self.acting)
         self.size = problem.n + self.rows * len(problem.times)
 
     @property
@@ -60,9 +94,8 @@ class RestEquations:
 
     def all_multipliers(self, multipliers: Floats) -> Floats:
         """lambda of all rows (C + K,) from those of the rows that act."""
-        lam, C = self.problem.nothing, self.problem.C
-        lam[:C] = multipliers[:C]
-        lam[[C + k for k in self.acting]] = multipliers[C:]
+        lam = self.problem.nothing
+        lam[self.acting] = multipliers
         return lam
 
     def split(self, x: Floats) -> tuple[Floats, list[Floats]]:
@@ -76,10 +109,10 @@ class RestEquations:
         residuals, gradients = [], []
         for number, (t, lam) in enumerate(zip(self.problem.times, each, strict=True)):
             values = self.problem.at(t, q, self.all_multipliers(lam))
-            G, g = values.G[self.acting], values.g[self.acting]
+            G, g = values.G[self.contacts], values.g[self.contacts]
             if not values.finite or not np.isfinite(G).all() or not np.isfinite(g).all():
                 return None
-            s, C, units = self.scales, self.problem.C, self.scales.contacts[self.acting]
+            s, C, units = self.scales, self.problem.C, self.scales.contacts[self.contacts]
             contact, by_q = g / units, G / units[:, None]
             by_lam = np.zeros((g.size, self.rows))
             if self.closed is None:
@@ -87,7 +120,7 @@ class RestEquations:
                 contact, along_g, along_lam = _complementary(contact, push)
                 by_q = along_g[:, None] * by_q
                 by_lam[:, C:] = np.diag(along_lam * units / s.force * s.length)
-            rows = np.vstack([values.B, G])
+            rows = values.rows(self.contacts)
             residuals += [(values.F + rows.T @ lam) / s.forces, values.c / s.conditions, contact]
             zeros = np.zeros((values.c.size, self.rows))
             first, count = self.problem.n + number * self.rows, values.F.size + values.c.size + g.size
@@ -103,7 +136,7 @@ class RestEquations:
         found = []
         for t in self.problem.times:
             values = self.problem.at(t, q, self.problem.nothing)
-            rows = np.vstack([values.B, values.G[self.acting]])
+            rows = values.rows(self.contacts)
             if not np.isfinite(rows).all() or not np.isfinite(values.F).all():
                 return None
             lengths = np.linalg.norm(rows, axis=1) + doubles.TINY
@@ -111,13 +144,25 @@ class RestEquations:
             found.append(decompositions.least_squares(unit.T, -values.F) / lengths)
         return found
 
+    def begun(self, q: Floats) -> Floats | None:
+        """The unknowns at a configuration, with the multipliers that come closest to balance; None where there are
+        none."""
+        each = self.multipliers(q)
+        return None if each is None else np.concatenate([q, *each])
+
+    def unknowns(self, q: Floats) -> Floats:
+        """The same at a point that was found."""
+        x = self.begun(q)
+        assert x is not None
+        return x
+
     def unbalanced(self, x: Floats) -> float:
         """The largest residual as a part of the terms that make it up: forces and conditions."""
         q, each = self.split(x)
         worst = 0.0
         for t, lam in zip(self.problem.times, each, strict=True):
             values = self.problem.at(t, q, self.all_multipliers(lam))
-            rows = np.vstack([values.B, values.G[self.acting]])
+            rows = values.rows(self.contacts)
             # Each component by its own terms: where a multiplier grows without bound, others hide what is left.
             widths = np.where(rows != 0, np.linalg.norm(rows, axis=1, keepdims=True) * SMALL, 0.0)
             terms = np.abs(values.F) + (np.maximum(np.abs(rows), widths) * np.abs(lam)[:, None]).sum(axis=0)
@@ -136,7 +181,7 @@ class RestEquations:
             lengths = np.linalg.norm(values.dc, axis=1) + self.scales.conditions * SMALL
             worst = max(worst, (np.abs(values.c) / (lengths * size)).max(initial=0.0))
             if self.closed is not None:
-                closed = values.g[self.acting] / self.scales.contacts[self.acting]
+                closed = values.g[self.contacts] / self.scales.contacts[self.contacts]
                 worst = max(worst, np.abs(closed).max(initial=0.0) / size)
         return float(worst)
 

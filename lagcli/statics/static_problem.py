@@ -9,9 +9,9 @@ the levels of integrals, and the parts of rows that move without velocities. Sta
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import Final
 
 import casadi as ca
 import numpy as np
@@ -29,13 +29,14 @@ from lagcli.smoothness.sized_function import SizedFunction
 
 Floats = npt.NDArray[np.float64]
 
-# Times at which equations that hold t are looked at: every third of them together with the start, the others again when
-# a point is found.
-TIMES = 8
-# Of a value as a function of one coordinate: it has the period, or grows by a whole multiple of the coordinate.
-NOT_PERIODIC: Final = None
-# Functions without which nothing is periodic.
+# By how much results grow of operations that are linear, for each operand; and functions without which nothing is
+# periodic.
+LINEAR = {"add": (1, 1), "sub": (1, -1), "neg": (-1,), "twice": (2,), "assign": (1,)}
 WAVES = frozenset(("sin", "cos", "tan"))
+# Of more unknowns starts aside wait, no known point is taken out and higher derivatives are not looked at: it costs too
+# much. Of more than the second algebra is sparse.
+LARGE = 60
+DENSE = 2 * LARGE
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -154,6 +155,10 @@ class Values:
         """True if all that equality rows need is finite."""
         return all(bool(np.isfinite(part).all()) for part in (self.F, self.B, self.c, self.dc, self.K))
 
+    def rows(self, closed: Sequence[int]) -> Floats:
+        """B, then the gradients of closed contacts."""
+        return np.vstack([self.B, self.G[list(closed)]])
+
 
 class StaticProblem:
     """The values of one problem, with exact derivatives. n, C, K: coordinates, equality rows, contacts; `times`: those
@@ -169,8 +174,9 @@ class StaticProblem:
         self._precise: dict[tuple[int, ...], Program] = {}
         self.times: tuple[float, ...] = (self.t,)
         self.later: tuple[float, ...] = ()
-        times = [self.t + part * (duration or 1.0) for part in decompositions.generic_parts(TIMES)]
+        times = [self.t + part * (duration or 1.0) for part in decompositions.generic_parts(8)]
         if not self._is_steady(times):
+            # Every third together with the start; the others again when a point is found.
             self.times = (self.t, *times[3::3])
             self.later = tuple(t for t in times if t not in self.times)
 
@@ -255,20 +261,16 @@ class StaticProblem:
         """The function, or the declared potential, as a function of q and of (t, p)."""
         return self.of_place(self.laws.value)
 
-    def conditions_program(self) -> Program:
-        """The conditions c (k,), then their gradient column by column (k, n), as a function of q and of (t, p)."""
-        return self.of_place(self.laws.c, ca.jacobian(self.laws.c, self.laws.q))
+    def with_gradient(self, part: ca.SX) -> Program:
+        """An expression (k,), then its gradient column by column (k, n), as a function of q and of (t, p)."""
+        return self.of_place(part, ca.jacobian(part, self.laws.q))
 
-    def slope_program(self) -> Program:
-        """F of one coordinate and its slope, as a function of q and of (t, p)."""
-        return self.of_place(self.laws.F, ca.jacobian(self.laws.F, self.laws.q))
-
-    def exact_program(self, closed: tuple[int, ...]) -> tuple[Program, int]:
-        """All equations with these contacts closed, then the gaps of the others and the sides of leaves, as a function
-        of (q, lambda) and of (t, p); and the number of gaps and sides."""
-        laws = self.laws
-        signs = [*(laws.g[k] for k in range(self.K) if k not in closed), *ca.vertsplit(laws.sides)]
-        return program.written_out(self._balance(closed, signs)), len(signs)
+    def exact_programs(self, closed: tuple[int, ...]) -> tuple[Program, Program]:
+        """All equations with these contacts closed, and the gaps of the others with the sides of leaves: of (q, lambda)
+        and of (t, p)."""
+        others = [k for k in range(self.K) if k not in closed]
+        signs = [self.laws.g[others], self.laws.sides]
+        return program.written_out(self._balance(closed)), program.written_out(self._balance(closed, signs))
 
     def precise_program(self, closed: tuple[int, ...]) -> Program:
         """All equations with these contacts closed (m,), then their gradient column by column (m, k), as a function of
@@ -287,18 +289,32 @@ class StaticProblem:
             self._series[closed] = SeriesFunction(self._balance(closed), is_strict=True)
         return self._series[closed]
 
-    def _balance(self, closed: tuple[int, ...], beside: Sequence[ca.SX] = ()) -> ca.Function:
-        """The equations with these contacts closed, and expressions beside them."""
+    def _balance(self, closed: tuple[int, ...], instead: Sequence[ca.SX] = ()) -> ca.Function:
+        """The equations with these contacts closed, or expressions instead of them."""
         laws = self.laws
         lam = ca.SX.sym("lam", self.C + len(closed))
         equations = [self._acting(list(closed), lam), laws.c, laws.g[list(closed)]]
         inputs = [ca.vertcat(laws.q, lam), ca.vertcat(laws.t, laws.p)]
-        return SizedFunction("exact", inputs, [_stacked([*equations, *beside])])
+        return SizedFunction("exact", inputs, [_stacked(instead or equations)])
+
+    @property
+    def is_large(self) -> bool:
+        """True if there are many coordinates and equality rows."""
+        return self.n + self.C > LARGE
 
     @property
     def nothing(self) -> Floats:
         """lambda = 0, (C + K,)."""
         return np.zeros(self.C + self.K)
+
+    def contact_sets(self) -> Iterator[tuple[int, ...]]:
+        """All sets of contacts, the small ones first."""
+        for size in range(self.K + 1):
+            yield from itertools.combinations(range(self.K), size)
+
+    def acting(self, closed: Sequence[int]) -> list[int]:
+        """The places in lambda of the equality rows and of closed contacts."""
+        return [*range(self.C), *(self.C + k for k in closed)]
 
     def _is_steady(self, later: Sequence[float]) -> bool:
         """True if no value depends on t, at random points round the start."""
@@ -343,50 +359,28 @@ def repeating(problem: StaticProblem, positions: ca.SX) -> tuple[bool, ...]:
 
 
 def _is_periodic(program: Program, index: int) -> bool:
-    """True if every output stays the same when one input grows by 2 pi.
-
-    Each register holds the number of times by which its value grows with the input, 0 for one that is periodic.
-    """
-    grows: dict[int, float | None] = {}
+    """True if every output stays the same when one input grows by 2 pi."""
+    grows: dict[
+        int, float
+    ] = {}  # for each register the number of times by which its value grows with the input
     constants: dict[int, float] = {}
     for name, out, ins, value in program.steps:
-        if name == "output":
-            if grows[ins[0]] != 0:
-                return False
-            continue
-        target = out[0]
-        known = constants.get(ins[0]) if ins and name != "input" else None
-        constants.pop(target, None) if name != "const" else None
+        given = [] if name in ("input", "const") else [grows[i] for i in ins]
         if name == "input":
-            grows[target] = 1.0 if ins == (0, index) else 0.0
-        elif name == "const":
-            grows[target], constants[target] = 0.0, value
+            found = float(ins == (0, index))
+        elif not any(given):
+            found = 0.0
+        elif name in LINEAR:
+            found = sum(factor * each for factor, each in zip(LINEAR[name], given, strict=True))
+        elif name == "mul" and ins[0] in constants:
+            found = constants[ins[0]] * given[1]
+        elif name in WAVES and given[0] == round(given[0]):
+            found = 0.0
         else:
-            grows[target] = _growth(name, [grows[i] for i in ins], known)
+            return False
+        if name != "output":
+            grows[out[0]] = found
+            constants.pop(out[0], None)
+        if name == "const":
+            constants[out[0]] = value
     return True
-
-
-def _growth(name: str, given: list[float | None], factor: float | None) -> float | None:
-    """The growth of a result; `factor`: the first operand where it is a constant."""
-    if all(each == 0 for each in given):
-        return 0.0
-    if any(each is NOT_PERIODIC for each in given):
-        return NOT_PERIODIC
-    a = given[0] or 0.0
-    b = given[1] or 0.0 if len(given) > 1 else 0.0
-    match name:
-        case "add":
-            return a + b
-        case "sub":
-            return a - b
-        case "neg":
-            return -a
-        case "twice":
-            return 2 * a
-        case "assign":
-            return a
-        case "mul" if a == 0 and factor is not None:
-            return factor * b
-        case "sin" | "cos" | "tan" if a == round(a):
-            return 0.0
-    return NOT_PERIODIC

@@ -26,9 +26,6 @@ Floats = npt.NDArray[np.float64]
 Value = Literal["value", "potential"]
 Origin = Literal["declared", "integrated", "none"]
 
-# Points at which forces are looked at, up to twice the size of the start away from it.
-SAMPLES = 5
-
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class StaticPoint:
@@ -172,7 +169,7 @@ def potential_origin(problem: StaticProblem) -> Origin:
     random = np.random.default_rng(7)
     size = float(np.abs(problem.begin).max(initial=0.0)) or 1.0
     found: Origin = "declared"
-    for part in np.linspace(0, 2, SAMPLES):
+    for part in (0.0, 0.5, 1.0, 1.5, 2.0):  # sizes of the start
         q = problem.begin + part * size * random.standard_normal(problem.n)
         driving, gradient = problem.driving(q)
         F = problem.at(problem.t, q, problem.nothing).F

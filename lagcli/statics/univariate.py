@@ -12,9 +12,8 @@ from __future__ import annotations
 import itertools
 import math
 import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
-from typing import Protocol
 
 from sympy.polys.densetools import dup_diff
 from sympy.polys.domains import ZZ
@@ -24,28 +23,8 @@ from sympy.polys.sqfreetools import dup_sqf_part
 
 Whole = list[int]
 Enclosure = tuple[Fraction, Fraction]
-
-
-class RepresentationParameters:
-    """They decide about cost and refusal, and about no answer. The tests are of `tests/unit/test_univariate.py`."""
-
-    __slots__ = ()
-
-    most_weights: int = 12
-    """Choices of t that are tried: one at random serves but for zeros in a few directions of each other.
-    `test_twelve_sums_of_the_unknowns_are_tried` fails at 1 and 120."""
-    first_bits: int = 128
-    """Binary digits of t behind the point at first; they are doubled as long as they do not suffice.
-    `test_a_root_is_narrowed_to_a_hundred_and_twenty_eight_digits_at_first` fails at 12 and 1280."""
-    most_bits: int = 1 << 14
-    """Digits at which a sign is given up that is not zero: none is so small with coefficients of this length.
-    `test_a_sign_is_sought_to_sixteen_thousand_binary_digits` fails at 1638 and 163 840."""
-    digits: int = 60
-    """Binary digits of a value: seven more than a double has.
-    `test_a_value_has_sixty_binary_digits_and_zero_is_zero` fails at 6 and 600."""
-
-
-PARAMETERS = RepresentationParameters()
+# Binary digits of t behind the point: at the last ones a sign is given up that is not zero.
+BITS = tuple(2**k for k in range(7, 15))
 
 
 class NotCounted(Exception):
@@ -53,54 +32,40 @@ class NotCounted(Exception):
     message says which."""
 
 
-class NotSeparated(NotCounted):
-    """No sum of the unknowns tells all zeros apart, or digits do not suffice."""
+class Representation:
+    """f, and g_v for elements v of a finite algebra over the rationals with a basis of D elements, the first of which
+    is 1. Raises `NotCounted`.
 
-
-class FiniteAlgebra(Protocol):
-    """A finite algebra over the rationals with a basis of D elements, the first of which is 1.
-
-    `generators`: matrices of multiplication by the unknowns (rows: the products with the basis), whole numbers over one
-    denominator; `traces` (D, D): the traces of all products of two elements of the basis, likewise.
+    generators: matrices of multiplication by the unknowns (rows: the products with the basis), whole numbers over one
+    denominator; traces (D, D): the traces of all products of two elements of the basis, likewise.
     """
 
-    D: int
-    generators: list[tuple[list[Whole], int]]
-    traces: tuple[list[Whole], int]
-
-
-class Representation:
-    """f, and g_v for elements v of an algebra. Raises `NotSeparated`."""
-
-    def __init__(self, algebra: FiniteAlgebra) -> None:
-        self._algebra = algebra
-        drawn, count = random.Random(0), len(algebra.generators)
+    def __init__(
+        self, generators: Sequence[tuple[list[Whole], int]], traces: tuple[list[Whole], int]
+    ) -> None:
+        self._generators, self._traces = generators, traces
+        drawn, count = random.Random(0), len(generators)
         weights = list(range(1, count + 1))
-        for _ in range(PARAMETERS.most_weights):
+        for _ in range(12):  # one at random serves but for zeros in a few directions of each other
             if self._is_separating(weights):
                 return
             weights = [drawn.randint(-9, 9) for _ in range(count)]
-        raise NotSeparated("their zeros could not be told apart")
+        raise NotCounted("their zeros could not be told apart")
 
     def _is_separating(self, weights: Whole) -> bool:
-        algebra, D = self._algebra, self._algebra.D
-        common = math.lcm(*(below for _, below in algebra.generators))
-        matrix = [
-            [
-                sum(
-                    w * rows[i][j] * (common // below)
-                    for w, (rows, below) in zip(weights, algebra.generators, strict=True)
-                )
-                for j in range(D)
-            ]
-            for i in range(D)
-        ]
+        """True if f and the powers of t, which are made, tell all zeros apart."""
+        generators, (traces, divisor), D = self._generators, self._traces, len(self._traces[0])
+        common = math.lcm(*(below for _, below in generators))
+        matrix = [[0] * D for _ in range(D)]
+        for w, (rows, below) in zip(weights, generators, strict=True):
+            for own, row in zip(matrix, rows, strict=True):
+                for j, x in enumerate(row):
+                    own[j] += w * x * (common // below)
         one = [1] + [0] * (D - 1)
         self._powers = [one]  # 1, t, ..., t^(D - 1) as elements
         for _ in range(D):
             self._powers.append(combined(self._powers[-1], matrix))
-        traces = algebra.traces
-        sums = [dot(power, traces[0][0]) // traces[1] for power in self._powers]  # whole, as t is
+        sums = [dot(power, traces[0]) // divisor for power in self._powers]  # whole, as t is
         self._powers.pop()
         # The monic polynomial with these sums of powers of its roots (Newton), highest power first
         characteristic = [1]
@@ -114,16 +79,16 @@ class Representation:
             return True
         # x g_1(t) - g_x(t) has to vanish at all zeros: the trace of its product with each element is zero.
         g = self._at_t(self.one)
-        for rows, _ in algebra.generators:
+        for rows, _ in generators:
             unknown = rows[0]  # times its denominator: the product with 1
             rest = [a - b for a, b in zip(combined(g, rows), self._at_t(self.of(unknown)), strict=True)]
-            if any(combined(rest, traces[0])):
+            if any(combined(rest, traces)):
                 return False
         return True
 
     def of(self, element: Whole) -> Whole:
         """g_v, times the denominator of the traces, of an element with whole coefficients (D,)."""
-        weights = combined(element, self._algebra.traces[0])
+        weights = combined(element, self._traces[0])
         degree = len(self.f) - 1
         found = [0] * degree
         for i in range(degree):
@@ -134,10 +99,9 @@ class Representation:
 
     def _at_t(self, g: Whole) -> Whole:
         """g(t) as an element."""
-        degree = len(g) - 1
-        found = [0] * self._algebra.D
-        for k, factor in enumerate(g):
-            for j, x in enumerate(self._powers[degree - k]):
+        found = [0] * len(self._traces[0])
+        for power, factor in zip(self._powers, reversed(g), strict=False):
+            for j, x in enumerate(power):
                 found[j] += factor * x
         return found
 
@@ -161,19 +125,19 @@ class RealRoot:
 
     def sign(self, g: Whole) -> int:
         """The sign of g at the root, exactly."""
-        for bits in self._precisions():
+        for bits in BITS:
             low, high = self._enclosed(g, bits)
             if low > 0 or high < 0 or low == high:
                 return (low > 0) - (high < 0)
-            if bits == PARAMETERS.first_bits and self._is_common(g):
+            if bits == BITS[0] and self._is_common(g):
                 return 0
-        raise NotSeparated("a sign needs too many digits")
+        raise NotCounted("a sign needs too many digits")
 
     def enclosure(self, g: Whole, scale: int, digits: int) -> Enclosure:
         """Bounds of g/(scale g_1) with so many binary digits, both zero where it is zero."""
         if not self.sign(g):
             return Fraction(0), Fraction(0)
-        for bits in self._precisions():
+        for bits in BITS:
             low, high = self._enclosed(g, bits)
             below, above = self._enclosed(self._all.one, bits)
             if low <= 0 <= high or below <= 0 <= above:
@@ -182,13 +146,7 @@ class RealRoot:
             least, most = min(ends), max(ends)
             if (most - least) * 2**digits <= min(abs(least), abs(most)):
                 return least, most
-        raise NotSeparated("a value needs too many digits")
-
-    def _precisions(self) -> Iterator[int]:
-        bits = PARAMETERS.first_bits
-        while bits <= PARAMETERS.most_bits:
-            yield bits
-            bits *= 2
+        raise NotCounted("a value needs too many digits")
 
     def _is_common(self, g: Whole) -> bool:
         """True if g vanishes at the root."""

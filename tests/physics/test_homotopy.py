@@ -22,7 +22,7 @@ def test_a_path_leads_to_what_all_else_has_missed(monkeypatch: pytest.MonkeyPatc
     proved = lagcli.stationary(lagcli.loads(MODEL), QUARTIC)
     assert proved.complete
     assert len(proved) == 5
-    monkeypatch.setattr(all_zeros, "by_algebra", lambda search: Completeness(False, "left out"))
+    monkeypatch.setattr(all_zeros, "by_algebra", lambda search: Completeness(False))
     found = lagcli.stationary(lagcli.loads(MODEL), QUARTIC)
     assert [point.value for point in found] == pytest.approx([point.value for point in proved], abs=1e-9)
     monkeypatch.setattr(point_search.SearchParameters, "paths", 0)

@@ -1,8 +1,7 @@
 """The numbers that points of rest are judged by: two inputs beside each, with different answers."""
 
-import dataclasses
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from fractions import Fraction
 from types import SimpleNamespace
 
@@ -18,17 +17,13 @@ from lagcli.equations.power_series import PowerSeries, SeriesFunction, Underflow
 from lagcli.statics import (
     algebraic_zeros,
     flat_directions,
-    further_zeros,
     kink_points,
     point_type,
     polynomial_equations,
     power_signs,
     precise_zeros,
-    refine,
-    rest_equations,
 )
 from lagcli.statics.flat_directions import FlatEquations, FlatVerdict
-from lagcli.statics.kink_points import KinkPoint
 from lagcli.statics.polynomial_equations import NotPolynomial, PolynomialEquations
 from lagcli.statics.refine import EquilibriumPoint
 from lagcli.statics.rest_equations import Scales
@@ -42,7 +37,7 @@ def polynomials(build: Build, count: int) -> PolynomialEquations:
     x, p = ca.SX.sym("x", count), ca.SX.sym("p", 0)
     function = ca.Function("exact", [x, p], [ca.densify(build(x))])
     order = polynomial_equations.CountedOrder(2_000_000)
-    return polynomial_equations.equations(program.written_out(function), count, np.zeros(0), order)
+    return polynomial_equations.equations(program.written_out(function), count, [], order)
 
 
 def ring(count: int) -> PolyRing:
@@ -202,11 +197,6 @@ def test_an_eighth_power_of_four_is_told_and_a_tenth_is_not(power: int, order: i
     assert (found.order, found.is_strict) == (order, order > 0)
 
 
-@pytest.mark.parametrize(("count", "order"), [(4, 3), (5, 0)])
-def test_four_flat_directions_decide_and_five_do_not(count: int, order: int) -> None:
-    assert flat_verdict(lambda q: ca.sum1(q**3), *np.zeros(count)).order == order
-
-
 @pytest.mark.parametrize(("mixed", "is_strict"), [(-1.99999, True), (-2.0, False)])
 def test_a_form_of_three_is_definite_where_its_least_is_a_part_of_its_largest(
     mixed: float, is_strict: bool
@@ -237,16 +227,6 @@ def test_a_branch_is_zero_within_sixty_roundings(part: float, is_clear: bool) ->
     terms = {(Fraction(i), j): (value, 0.0) for (i, j), value in square.items()}
     value, rounding = power_signs._shifted(terms, 1.0, Fraction(1))[Fraction(2), 0]
     assert (abs(value) > rounding) is is_clear
-
-
-@pytest.mark.parametrize(("apart", "count"), [(6e-4, 1), (6e-3, 3)])
-def test_a_fourfold_zero_is_one_branch(apart: float, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    branches: list[object] = []
-    both = power_signs.PowerSigns(False, False, True)
-    monkeypatch.setattr(power_signs, "_signs", lambda *given: branches.append(given) or both)
-    edge = np.vstack([np.polynomial.polynomial.polyfromroots([1, 1, 1 + apart, 1 + apart]), np.full(5, 1e-9)])
-    power_signs._on_edge({}, edge, 0, (Fraction(1), Fraction(4)), 8)
-    assert len(branches) == count
 
 
 @pytest.mark.parametrize(("part", "is_kept"), [(0.05, True), (0.3, False)])
@@ -345,16 +325,11 @@ def search_at_kinks(build: Build, count: int = 1) -> SimpleNamespace:
     )
 
 
-def extremes_of(search: SimpleNamespace) -> Iterator[KinkPoint]:
-    return kink_points.extremes(search, kink_points.kinks(search.problem.laws))
-
-
 def beside(build: Build) -> str:
     """What is said of a function beside zero."""
     search = search_at_kinks(build)
     kink = kink_points.kinks(search.problem.laws)[0]
-    laws = kink_points._on_kinks(search.problem.laws, (kink,))
-    on_pole = StaticProblem(laws, np.zeros(0), (0.0, np.ones(1)), 0.0)
+    on_pole = kink_points._on_kinks(search.problem, (kink,))
     return kink_points._beside(search, on_pole, np.zeros(1), "value")
 
 
@@ -374,15 +349,21 @@ def test_a_power_of_a_fiftieth_is_a_kink_and_one_of_a_five_hundredth_is_none(
 ) -> None:
     search = search_at_kinks(lambda q: ca.fabs(q) ** power)
     kink = kink_points.kinks(search.problem.laws)[-1]
-    laws = kink_points._on_kinks(search.problem.laws, (kink,))
-    on_kink = StaticProblem(laws, np.zeros(0), (0.0, np.ones(1)), 0.0)
+    on_kink = kink_points._on_kinks(search.problem, (kink,))
     assert kink_points._kind(search, on_kink, np.zeros(1)) == kind
 
 
-def test_kinks_are_looked_at_among_three_contacts() -> None:
-    three, four = (SimpleNamespace(times=(0.0,), K=count, n=2) for count in (3, 4))
-    assert kink_points._beyond(three, []) is None
-    assert "inequalities" in str(kink_points._beyond(four, []))
+@pytest.mark.parametrize(("count", "is_refused"), [(3, False), (4, True)])
+def test_kinks_are_looked_at_among_three_contacts(
+    count: int, is_refused: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kink_points, "extremes", lambda *_: [])
+    search = search_at_kinks(ca.fabs)
+    monkeypatch.setattr(search.problem, "K", count)
+    assert (
+        any("among so many inequalities" in note for note in kink_points.notes(search, ["x"], ""))
+        is is_refused
+    )
 
 
 @pytest.mark.parametrize(("count", "sentences"), [(12, 0), (13, 1)])
@@ -401,58 +382,19 @@ def test_kinks_are_looked_at_among_twelve_coordinates(
     assert len(kink_points.notes(search, ["x"] * count, "value")) == sentences
 
 
-def test_kinks_are_sought_from_six_starts_beside_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    begins: list[np.ndarray] = []
-    monkeypatch.setattr(further_zeros, "onto", lambda problem, begin, *_: begins.append(begin))
-    assert not list(extremes_of(search_at_kinks(ca.fabs)))
-    assert len(begins) == 7
-
-
 @pytest.mark.parametrize(("width", "kind"), [(3e-6, "minimum"), (3e-7, "maximum")])
 def test_slopes_are_looked_at_six_digits_off_a_kink(width: float, kind: str) -> None:
     search = search_at_kinks(lambda q: ca.fabs(q) - q**2 / width)
     (kink,) = kink_points.kinks(search.problem.laws)
-    on_kink = StaticProblem(
-        kink_points._on_kinks(search.problem.laws, (kink,)), np.zeros(0), (0.0, np.ones(1)), 0.0
-    )
+    on_kink = kink_points._on_kinks(search.problem, (kink,))
     assert kink_points._kind(search, on_kink, np.zeros(1)) == kind
-
-
-@pytest.mark.parametrize(("apart", "count"), [(3e-6, 1), (3e-5, 2)])
-def test_kinks_closer_than_five_digits_are_one(
-    apart: float, count: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(kink_points, "_candidates", lambda *_: [np.zeros(1), np.full(1, apart)])
-    monkeypatch.setattr(kink_points, "_kind", lambda *_: "minimum")
-    assert len(list(extremes_of(search_at_kinks(ca.fabs)))) == count
-
-
-def candidates_at(q: list[float], monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
-    """The candidates on q0^2/2 = 0 where all starts lead to one point."""
-    search = search_at_kinks(lambda q: ca.fabs(q[0] ** 2 / 2), 2)
-    (kink,) = kink_points.kinks(search.problem.laws)
-    laws = kink_points._on_kinks(search.problem.laws, (kink,))
-    monkeypatch.setattr(further_zeros, "onto", lambda *_: np.array(q))
-    monkeypatch.setattr(
-        rest_equations, "scales", lambda *_: dataclasses.replace(UNITS, conditions=np.ones(1))
-    )
-    monkeypatch.setattr(refine, "reached", lambda *_: None)
-    return list(kink_points._candidates(search, StaticProblem(laws, np.zeros(0), (0.0, np.ones(2)), 0.0)))
-
-
-@pytest.mark.parametrize(("gradient", "count"), [(3e-5, 7), (3e-4, 0)])
-def test_a_kink_without_a_gradient_is_one_of_a_point(
-    gradient: float, count: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert len(candidates_at([gradient, 1.0], monkeypatch)) == count
 
 
 @pytest.mark.parametrize(("slope", "kind"), [(3e-6, "minimum"), (3e-7, None)])
 def test_a_slope_of_six_digits_less_is_none(slope: float, kind: str | None) -> None:
     search = search_at_kinks(lambda q: slope * ca.fabs(q))
     (kink,) = kink_points.kinks(search.problem.laws)
-    laws = kink_points._on_kinks(search.problem.laws, (kink,))
-    on_kink = StaticProblem(laws, np.zeros(0), (0.0, np.ones(1)), 0.0)
+    on_kink = kink_points._on_kinks(search.problem, (kink,))
     assert kink_points._kind(search, on_kink, np.zeros(1)) == kind
 
 
@@ -460,14 +402,6 @@ def test_a_slope_of_six_digits_less_is_none(slope: float, kind: str | None) -> N
 def test_an_exact_point_keeps_its_curvature_where_another_has_none(away: float, is_another: bool) -> None:
     exact, moved = (EquilibriumPoint(np.array([x]), np.zeros(0), (), 0.0) for x in (1.0, 1.0 + away))
     assert flat_directions.is_elsewhere(moved, exact, UNITS) is is_another
-
-
-def test_notes_name_four_kinks(monkeypatch: pytest.MonkeyPatch) -> None:
-    many = [KinkPoint("abs", np.full(1, float(k)), "minimum") for k in range(9)]
-    monkeypatch.setattr(kink_points, "extremes", lambda *_: many)
-    named = kink_points.notes(search_at_kinks(ca.fabs), ["x"], "value")
-    assert sum("makes a kink" in note for note in named) == 4
-    assert named[-1] == "there are extremes at further kinks, which are not named"
 
 
 def is_lost(build: Build, value: float) -> bool:
