@@ -12,12 +12,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Flags, Floats
 from lagcli.model.model import Model
-
-Floats = npt.NDArray[np.float64]
 
 TOLERANCE = 1e-8  # of the relative difference of two tables, by default
 # More digits than a double has are not reported: at 1.6 and at 160 `test_no_more_digits_are_reported_than_a_double_has`
@@ -263,7 +261,7 @@ def kinds(model: Model, columns: Sequence[str]) -> dict[str, str]:
 
 
 def compare(
-    of: Mapping[str, str], first: Formulation, other: Formulation, singular: npt.NDArray[np.bool_]
+    of: Mapping[str, str], first: Formulation, other: Formulation, singular: Flags
 ) -> dict[str, Agreement]:
     """The agreement of two tables over one grid, as far as both go; `of`: shared columns with their kinds.
 
@@ -349,7 +347,7 @@ class Matched:
     labels: tuple[str, ...]
     alone: RunEvent | None
 
-    def parts(self, rows: Floats) -> npt.NDArray[np.bool_]:
+    def parts(self, rows: Floats) -> Flags:
         """True for the times (k,) at which one run is before an incident and the other behind it."""
         found = np.zeros(len(rows), dtype=bool)
         first, last = self.t.min(axis=1, initial=np.inf), self.t.max(axis=1, initial=-np.inf)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Flags, Floats
 from lagcli.compiled import NumericSystem
 from lagcli.formulations import comparison
 from lagcli.formulations.comparison import Formulation
@@ -14,8 +14,6 @@ from lagcli.linear import decompositions
 from lagcli.model.model import Model
 from lagcli.start import projection
 from lagcli.start.initial import State
-
-Floats = npt.NDArray[np.float64]
 
 # The reduction is dense, and each step takes operations by the cube of this.
 MOST_COORDINATES = 600
@@ -57,9 +55,7 @@ def comparable(model: Model, other: Formulation, of: Mapping[str, str]) -> dict[
     return {name: kind for name, kind in of.items() if name not in apart}
 
 
-def singular(
-    numeric: NumericSystem, states: tuple[Floats, Floats, Floats], p: Floats, rank: int
-) -> npt.NDArray[np.bool_]:
+def singular(numeric: NumericSystem, states: tuple[Floats, Floats, Floats], p: Floats, rank: int) -> Flags:
     """True for each of the states t (k,), q and v (k, n) near a singular configuration, with rows of this rank."""
     found = np.zeros(len(states[0]), dtype=bool)
     for i, (t, q, v) in enumerate(zip(*states, strict=True)):
@@ -74,7 +70,7 @@ def compared(
     first: Formulation,
     others: Sequence[tuple[Formulation, Mapping[str, str]]],
     tolerance: float,
-    near: npt.NDArray[np.bool_],
+    near: Flags,
 ) -> comparison.Comparison:
     """The comparison of others, each with the columns it shares, with the first."""
     agreements = tuple(comparison.compare(shared, first, other, near) for other, shared in others)

@@ -23,9 +23,9 @@ from collections.abc import Iterator
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled import dop853_tableau, numeric, parts
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations.system import System
@@ -37,8 +37,6 @@ from lagcli.simulation.stepping.grid import Grid
 from lagcli.simulation.stepping.timetable import Timetable
 from lagcli.smoothness import time_functions
 from lagcli.smoothness.sized_function import SizedFunction
-
-Floats = npt.NDArray[np.float64]
 
 # Newton's iterations for q, and the change, as a part of the size, that ends them.
 ITERATIONS, ARRIVED = 16, 2 * doubles.EPS

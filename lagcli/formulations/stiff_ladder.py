@@ -7,11 +7,9 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.linear import decompositions
-
-Floats = npt.NDArray[np.float64]
 
 # Runs a decade, and of one comparison: with a tenth or ten times as many
 # `test_a_ladder_has_two_rungs_a_decade_and_two_hundred_at_most` of `tests/unit/test_numbers_of_formulations.py` fails.

@@ -12,8 +12,8 @@ import dataclasses
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem
 from lagcli.equations import energy, system
 from lagcli.equations.environment import Environment
@@ -24,8 +24,6 @@ from lagcli.model import model as nouns
 from lagcli.smoothness.sized_function import SizedFunction
 from lagcli.start import initial, projection
 from lagcli.start.initial import State
-
-Floats = npt.NDArray[np.float64]
 
 STIFFNESS, GROWTH, SINCE = "stiffness of the row", "growth of the stiffness", "time of the least stiffness"
 

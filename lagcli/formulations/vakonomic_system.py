@@ -18,8 +18,8 @@ from collections.abc import Mapping, Sequence
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.compiled import selection
 from lagcli.equations import energy, rows, system
 from lagcli.equations.environment import Environment
@@ -30,8 +30,6 @@ from lagcli.linear import decompositions
 from lagcli.model import family
 from lagcli.model import model as nouns
 from lagcli.smoothness.sized_function import SizedFunction
-
-Floats = npt.NDArray[np.float64]
 
 # No name of a file has blanks: the further coordinates clash with none.
 FURTHER = "carriers of mu"

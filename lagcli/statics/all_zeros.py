@@ -13,10 +13,10 @@ from collections import deque
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 from mpmath import iv
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.expression.enclosures import Enclosures, NoBounds, NoValue
 from lagcli.smoothness import sides
 from lagcli.statics import algebraic_zeros, point_search, polynomial_equations, refine
@@ -26,7 +26,6 @@ from lagcli.statics.refine import EquilibriumPoint
 from lagcli.statics.rest_equations import RestEquations
 from lagcli.statics.univariate import NotCounted
 
-Floats = npt.NDArray[np.float64]
 SetZeros = tuple[list[EquilibriumPoint], list[EquilibriumPoint]]
 Piece = tuple[float, float]
 # The force and its slope over an interval; it raises `NoBounds`.

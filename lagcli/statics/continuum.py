@@ -11,9 +11,9 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.contact import least_distance
 from lagcli.linear import decompositions, rank
 from lagcli.statics import point_type, precise_zeros, refine, rest_equations
@@ -21,8 +21,6 @@ from lagcli.statics.point_type import PointType
 from lagcli.statics.refine import EquilibriumPoint
 from lagcli.statics.rest_equations import LENGTHS, RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -18,17 +18,15 @@ from collections.abc import Iterator
 from math import comb
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.equations.power_series import PowerSeries, UnderflowError, constant
 from lagcli.linear import decompositions, rank
 from lagcli.statics import power_signs
 from lagcli.statics.refine import EquilibriumPoint
 from lagcli.statics.rest_equations import LENGTHS, RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem
-
-Floats = npt.NDArray[np.float64]
 
 
 class FlatParameters:

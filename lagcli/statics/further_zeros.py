@@ -13,16 +13,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.linear import decompositions, rank
 from lagcli.statics import refine, rest_equations
 from lagcli.statics.refine import Residual
 from lagcli.statics.rest_equations import LENGTHS, RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem
 
-Floats = npt.NDArray[np.float64]
 # What a point of a path may be off it.
 OFF = 100 * doubles.ZERO
 

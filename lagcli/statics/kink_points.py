@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.linear import decompositions, rank
 from lagcli.smoothness import operation_graph, switches
 from lagcli.statics import (
@@ -34,9 +34,6 @@ from lagcli.statics import (
 from lagcli.statics.point_search import PointSearch
 from lagcli.statics.rest_equations import SETTLED, RestEquations
 from lagcli.statics.static_problem import StaticLaws, StaticProblem
-
-Floats = npt.NDArray[np.float64]
-
 
 # Differences of values from that at a kink, a thousand times nearer, that are more than this part: it is a pole.
 CONTINUOUS = 1 - flat_directions.PARAMETERS.kept

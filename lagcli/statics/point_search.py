@@ -11,9 +11,9 @@ import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.statics import (
     continuum,
     flat_directions,
@@ -29,7 +29,6 @@ from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
 from lagcli.statics.rest_equations import RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem
 
-Floats = npt.NDArray[np.float64]
 Flags = tuple[bool, ...]
 Contacts = tuple[int, ...]
 Region = Callable[[Floats], bool]

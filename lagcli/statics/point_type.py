@@ -19,9 +19,9 @@ from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.contact import least_distance
 from lagcli.linear import decompositions, rank
 from lagcli.statics import flat_directions, precise_zeros, refine, rest_equations
@@ -30,7 +30,6 @@ from lagcli.statics.refine import EquilibriumPoint
 from lagcli.statics.rest_equations import RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem
 
-Floats = npt.NDArray[np.float64]
 Kind = Literal["minimum", "maximum", "saddle", "isolated", "degenerate"]
 # All sets of so many contacts that carry nothing are gone through.
 MOST_WEAK = 8

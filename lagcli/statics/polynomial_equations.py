@@ -13,14 +13,13 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
-import numpy.typing as npt
 from sympy.polys.domains import QQ
 from sympy.polys.orderings import grevlex
 from sympy.polys.rings import PolyElement, PolyRing
 
+from lagcli.arrays import Floats
 from lagcli.compiled.program import Program
 
-Floats = npt.NDArray[np.float64]
 # The total degree of a numerator or denominator.
 DEGREE = 14
 

@@ -20,13 +20,12 @@ from fractions import Fraction
 from math import comb
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.linear import decompositions, rank
 from lagcli.statics import rest_equations
 
-Floats = npt.NDArray[np.float64]
 # (i, j) -> the coefficient of a^i b^j and its rounding.
 Terms = Mapping[tuple[Fraction, int], tuple[float, float]]
 

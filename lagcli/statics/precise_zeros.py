@@ -12,24 +12,18 @@ import math
 from decimal import Decimal
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles, memory
+from lagcli.arrays import Floats
 from lagcli.compiled import multiprecision
 from lagcli.compiled.program import Program
 from lagcli.linear import decompositions, surface
 from lagcli.linear.surface import Point
-<<<<<<< HEAD
 from lagcli.start import precise_rows
-from lagcli.statics import flat_directions, polynomial_equations
-from lagcli.statics.rest_equations import RestEquations
-=======
 from lagcli.statics import polynomial_equations, rest_equations
 from lagcli.statics.rest_equations import LENGTHS, RestEquations
->>>>>>> e02829d2 (Points of rest: searches share their numbers, and what was said twice is said once)
 from lagcli.statics.static_problem import StaticProblem
 
-Floats = npt.NDArray[np.float64]
 Numbers = list[Decimal]
 ZERO = Decimal(0)
 

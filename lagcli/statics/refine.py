@@ -10,9 +10,9 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.linear import decompositions, surface
 from lagcli.linear.surface import NewtonEnd
 from lagcli.start import configuration_search
@@ -20,7 +20,6 @@ from lagcli.statics import rest_equations, static_problem
 from lagcli.statics.rest_equations import RestEquations, Scales
 from lagcli.statics.static_problem import StaticProblem
 
-Floats = npt.NDArray[np.float64]
 Residual = Callable[[Floats], tuple[Floats, Floats] | None]
 OFFSETS = configuration_search.PARAMETERS.offsets
 

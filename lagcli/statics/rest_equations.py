@@ -12,16 +12,14 @@ import math
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled.program import Program
 from lagcli.equations.power_series import PowerSeries, UnderflowError, constant
 from lagcli.errors import diagnostics
 from lagcli.linear import decompositions
 from lagcli.statics.static_problem import StaticProblem
-
-Floats = npt.NDArray[np.float64]
 
 # Of a unit: terms that are smaller vanish by accident, curvatures may be none, and zeros of a flat function are one.
 SMALL = math.sqrt(doubles.ROOT)

@@ -9,14 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.statics import point_search, point_type, refine, rest_equations, static_report
 from lagcli.statics.point_search import PointSearch
 from lagcli.statics.refine import Residual
-
-Floats = npt.NDArray[np.float64]
 
 # Such zeros are double: coordinates of this part of the size of things are zero, and points closer than ten times it
 # are one.

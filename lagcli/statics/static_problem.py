@@ -15,9 +15,9 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled import program
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.program import Program
@@ -26,8 +26,6 @@ from lagcli.equations.power_series import SeriesFunction
 from lagcli.equations.system import System
 from lagcli.linear import decompositions
 from lagcli.smoothness.sized_function import SizedFunction
-
-Floats = npt.NDArray[np.float64]
 
 # By how much results grow of operations that are linear, for each operand; and functions without which nothing is
 # periodic.

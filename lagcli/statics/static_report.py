@@ -13,16 +13,15 @@ from typing import Literal
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.contact import complementarity
 from lagcli.equations.system import System
 from lagcli.linear import decompositions
 from lagcli.smoothness.sized_function import SizedFunction
 from lagcli.statics.static_problem import StaticProblem
 
-Floats = npt.NDArray[np.float64]
 Value = Literal["value", "potential"]
 Origin = Literal["declared", "integrated", "none"]
 

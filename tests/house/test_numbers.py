@@ -51,13 +51,8 @@ LOOSE = {
 
 
 def test_there_are_parameter_objects() -> None:
-<<<<<<< HEAD
     assert len(OBJECTS) > 20
     assert sum(len(list(fields(node))) for _, node in OBJECTS) > 100
-=======
-    assert len(OBJECTS) > 50
-    assert sum(len(list(fields(node))) for _, node in OBJECTS) > 300
->>>>>>> e02829d2 (Points of rest: searches share their numbers, and what was said twice is said once)
 
 
 @pytest.mark.parametrize(("file", "node"), OBJECTS, ids=[f"{file}:{node.name}" for file, node in OBJECTS])
