@@ -27,7 +27,6 @@ from lagcli.start import assembly, initial
 from lagcli.start.initial import State
 from lagcli.statics import (
     all_zeros,
-    further_zeros,
     kink_points,
     point_search,
     refine,
@@ -134,7 +133,7 @@ class RestPoints:
         found = [refine.nearest_equilibrium(asked, q, () if is_large else refine.OFFSETS)]
         if falls:
             equations = RestEquations(asked, (), rest_equations.scales(asked, q))
-            bottom = further_zeros.lowest(equations, q, 1.0)
+            bottom = refine.lowest(equations, q, 1.0)
             if bottom is not None:
                 found.append(refine.nearest_equilibrium(asked, bottom))
         if is_large and not any(isinstance(one, EquilibriumPoint) for one in found):

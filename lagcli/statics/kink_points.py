@@ -23,7 +23,6 @@ from lagcli.linear import decompositions, rank
 from lagcli.smoothness import operation_graph, switches
 from lagcli.statics import (
     flat_directions,
-    further_zeros,
     point_search,
     point_type,
     precise_zeros,
@@ -139,7 +138,7 @@ def _candidates(search: PointSearch, on_kink: StaticProblem) -> Iterator[Floats]
     scales = rest_equations.scales(on_kink, problem.begin)
     begins = [problem.begin, *search.others(6)]
     for closed, begin in itertools.product(problem.contact_sets(), begins):
-        q = further_zeros.onto(on_kink, begin, closed, scales)
+        q = refine.onto(on_kink, begin, closed, scales)
         if q is None:
             continue
         row = on_kink.at(on_kink.t, q, on_kink.nothing).dc[-1]
@@ -263,7 +262,7 @@ def pole_sentences(search: PointSearch, known: Sequence[Kink], names: Sequence[s
         on_pole = _on_kinks(problem, (pole,))
         scales = rest_equations.scales(on_pole, problem.begin)
         for begin in [problem.begin, *search.others(6)]:
-            q = further_zeros.onto(on_pole, begin, (), scales)
+            q = refine.onto(on_pole, begin, (), scales)
             if q is None or (on_pole.at(on_pole.t, q, on_pole.nothing).g < -search.scales.touch).any():
                 continue
             q = np.where(np.abs(q) <= SETTLED * search.scales.length, 0.0, q)

@@ -17,7 +17,6 @@ from lagcli.arrays import Floats
 from lagcli.statics import (
     continuum,
     flat_directions,
-    further_zeros,
     point_type,
     precise_zeros,
     refine,
@@ -197,7 +196,7 @@ class PointSearch:
             is_large = equations.size > static_problem.LARGE
             is_asked = has_potential and (first or not is_large)
             for sign in ((1.0,) if is_large else (1.0, -1.0)) if is_asked else ():
-                point = further_zeros.lowest(equations, begin, sign)
+                point = refine.lowest(equations, begin, sign)
                 if point is not None:
                     self.take(refine.reached(problem, point, closed, self.scales))
             if self.spent > self._allowed:
@@ -221,7 +220,7 @@ class PointSearch:
         if equations.size > static_problem.LARGE or self.spent > self._allowed or x is None:
             return
         vain = 0
-        for point in further_zeros.near_zeros(equations, x) if is_followed else ():
+        for point in refine.near_zeros(equations, x) if is_followed else ():
             # Along a continuum a path goes to and fro over zero without end.
             if vain >= 12 or self.spent > self._allowed:
                 break
@@ -230,7 +229,7 @@ class PointSearch:
             known = [one.point.q for one in self.points if not one.dimension and one.point.closed == closed]
             if not known or self.spent > self._allowed:
                 return
-            end = refine.solve(further_zeros.deflated(equations, known, self.options.angles), x, 60)
+            end = refine.solve(refine.deflated(equations, known, self.options.angles), x, 60)
             self._vain += 1
             if end is None or not np.isfinite(end.x).all() or not self._refine(equations, end.x):
                 return
@@ -349,7 +348,7 @@ class PointSearch:
             q[angles] = random.uniform(-np.pi, np.pi, int(angles.sum()))
             if not number:
                 q = np.zeros(problem.n)  # where much is symmetric
-            point = further_zeros.onto(problem, q, (), self.scales)
+            point = refine.onto(problem, q, (), self.scales)
             yield q if point is None else point
 
 

@@ -19,8 +19,7 @@ OTHERS = {
     "lagcli.analysis.holonomy.loop_words": "lengths of paths, whose ends an integration gives",
     "lagcli.formulations.maggi": "an implicit function at every step, by factors of an earlier one",
     "lagcli.statics.flat_directions": "coefficients of series in many digits",
-    "lagcli.statics.refine": "a descent to points of rest, damped by what each step has gained",
-    "lagcli.statics.further_zeros": "the corrector of a path, whose number of steps controls its length",
+    "lagcli.statics.refine": "a descent to points of rest, damped by its gains, and the corrector of a path",
 }
 
 

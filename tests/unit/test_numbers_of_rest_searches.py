@@ -14,7 +14,6 @@ from lagcli import doubles
 from lagcli.statics import (
     all_zeros,
     continuum,
-    further_zeros,
     point_search,
     point_type,
     refine,
@@ -140,7 +139,7 @@ def line(zero):
 
 @pytest.mark.parametrize(("off", "count"), [(3e-8, 0), (3e-7, 1)])
 def test_a_start_that_is_a_zero_has_no_path(off, count):
-    assert len(list(further_zeros.near_zeros(line(0.0), np.array([off])))) == count
+    assert len(list(refine.near_zeros(line(0.0), np.array([off])))) == count
 
 
 # The refinement of a point
