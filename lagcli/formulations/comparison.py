@@ -115,11 +115,9 @@ class PartingPoint:
 class Principles:
     """The outcome of a comparison of vakonomic motion with d'Alembert's.
 
-    mu: initial multipliers of the differential rows, those that were given; integrable: the rows that are;
-    nonholonomic: those that are not; undecided: those of which neither is known; digits: to which positions and
-    velocities agree, of the largest value of each, None where there is nothing to compare; parting: where positions
-    part, or None; left_out: outputs and events without a value in vakonomic motion; until: the time up to which both
-    go, where one of them stopped.
+    mu: initial multipliers of the differential rows; integrable, nonholonomic, undecided: these rows; digits: to which
+    positions and velocities agree, None where there is nothing to compare; parting: where positions part, or None;
+    left_out: outputs and events without a value in vakonomic motion; until: the time up to which both go.
     """
 
     mu: Mapping[str, float]
@@ -358,10 +356,8 @@ class Matched:
 
 
 def matched(one: Sequence[RunEvent], other: Sequence[RunEvent], end: float, span: float) -> Matched:
-    """The incidents of two runs that both last to `end`, each kind and name in its order.
-
-    Rebounds before an accumulation that both runs have may be told to different ends.
-    """
+    """The incidents of two runs that both last to `end`, each kind and name in its order; rebounds before an
+    accumulation that both have may be told to different ends."""
     sides: list[dict[str, list[RunEvent]]] = [{}, {}]
     for events, by_label in zip((one, other), sides, strict=True):
         for event in events:

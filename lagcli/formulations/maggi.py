@@ -198,10 +198,8 @@ class Chart:
         return float(np.linalg.norm(self._lower.T @ N) / np.sqrt(max(1, N.shape[1])))
 
     def _position(self, t: float, xi: Floats) -> tuple[Floats, DensePoint]:
-        """The configuration on f = 0 with these xi, and the rows there.
-
-        By Newton's method from the last one, with the derivatives of an earlier point as long as they serve.
-        """
+        """The configuration on f = 0 with these xi, and the rows there: by Newton's method from the last one, with the
+        derivatives of an earlier point as long as they serve."""
         functions, s, q = self._functions, self._functions.holonomic, self.guess
 
         def part(step: Floats) -> float:
@@ -231,10 +229,8 @@ class Chart:
 
 
 def _split(B: Floats, lower: Floats) -> tuple[Floats, Floats]:
-    """Independent combinations of rows, (rank, C), and Z^T M of the null space of B (C, n), (n - rank, n).
-
-    Raises `ChartError` where the rank is undecided.
-    """
+    """Independent combinations of rows, (rank, C), and Z^T M of the null space of B (C, n), (n - rank, n). Raises
+    `ChartError` where the rank is undecided."""
     white: Floats = np.asarray(np.linalg.solve(lower, B.T).T)
     lengths = decompositions.lengths(white)
     found = rank.space(white / lengths[:, None])
@@ -392,11 +388,8 @@ def _change(error: float) -> float:
 def _step(
     chart: Chart, t: float, h: float, begin: tuple[Floats, ReducedMotion], tolerance: Floats
 ) -> tuple[float, tuple[Floats, ReducedMotion] | None]:
-    """A step from y and the motion there: its error as a part of the tolerance, and where it leads; infinite where the
-    chart ends.
-
-    Hairer's estimate, over the largest component of each kind.
-    """
+    """A step from y and the motion there: its error as a part of the tolerance (Hairer's, over the largest component of
+    each kind), and where it leads; infinite where the chart ends."""
     y, rate = begin[0], begin[1].rate
     chart.guess = begin[1].q  # a trial that was given up may have led to another branch
     stages = np.zeros((dop853_tableau.STAGES, y.size))

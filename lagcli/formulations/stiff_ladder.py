@@ -26,10 +26,7 @@ COLUMNS = (
 
 
 def rungs(text: str | Sequence[float]) -> tuple[float, ...]:
-    """The stiffnesses of `LOW:HIGH`, two a decade, of `LOW:HIGH:COUNT`, of one number, or those that are given.
-
-    Raises `ValueError`.
-    """
+    """The stiffnesses of `LOW:HIGH`, two a decade, of `LOW:HIGH:COUNT`, or those given. Raises `ValueError`."""
     if not isinstance(text, str):
         found = tuple(float(k) for k in text)
         if not found or not all(math.isfinite(k) and k > 0 for k in found):
@@ -61,10 +58,9 @@ def rungs(text: str | Sequence[float]) -> tuple[float, ...]:
 class Rung:
     """One run of the ladder.
 
-    max_error: the largest |-k f - lambda| over the rows; mean_error: |its time mean| over the run, None where the
-    swings are too many to be resolved; mean_uncertainty: how far that mean is off at most, by the times between which
-    it is taken and by the tolerances of both runs; weighted_mean: |its mean| with weights that leave no swings in it,
-    None where there are fewer than four;
+    max_error: the largest |-k f - lambda| over the rows; mean_error: |its time mean|, None where swings are not
+    resolved; mean_uncertainty: how far that is off at most, by the times of the mean and the tolerances of both runs;
+    weighted_mean: |its mean| with weights that leave no swings in it, None where there are fewer than four;
     uncertainty: of the force, by the tolerance of the run and by rounding; force (T,): -k f at the rows.
     """
 

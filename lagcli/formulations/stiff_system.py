@@ -107,10 +107,8 @@ def has_cut(built: system.System, index: int) -> bool:
 def multiplier_rate(
     solved: ca.Function, at: tuple[float, Floats, Floats, Floats], index: int
 ) -> tuple[float, float]:
-    """lambda of a row and its rate along the motion, at t, q, v (n,) with parameters p.
-
-    solved: solved(t, y, p) -> y' and lambda of all rows, differentiated by AD.
-    """
+    """lambda of a row and its rate along the motion, at t, q, v (n,) with parameters p; solved(t, y, p) -> y' and
+    lambda of all rows is differentiated by AD."""
     t, q, v, p = at
     y = np.concatenate([q, v, [0.0]])
     time, state, numbers = (ca.MX.sym(name, size) for name, size in (("t", 1), ("y", y.size), ("p", p.size)))
@@ -151,11 +149,8 @@ class StiffRow:
 
 
 def stretched(numeric: NumericSystem, start: State, row: StiffRow, k: float) -> tuple[Floats, Floats]:
-    """q and v (n,) with f = -lambda/k and df/dt = -lambda'/k of the row, all other independent rows.
-
-    Of such configurations that nearest to the start in the mass metric, of velocities those nearest to the ones there:
-    what the row does not concern stays. numeric: with the row. Raises `NoSlowStartError`.
-    """
+    """q and v (n,) with f = -lambda/k and df/dt = -lambda'/k of the row, and with all other independent rows: those
+    nearest to the start in the mass metric. numeric: with the row. Raises `NoSlowStartError`."""
     surface = _Stretched(numeric, start, row.index, -row.multiplier / k)
     reached = surface.descend(start.q)
     if not reached.is_on:

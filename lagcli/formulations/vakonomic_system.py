@@ -158,10 +158,8 @@ def _with_total_reaction(found: system.System, G: ca.SX) -> system.System:
 
 
 def effective(built: system.System, start: VakonomicStart) -> Floats:
-    """mu of the independent differential rows with the same mu . A at the start, and zero for the others (k,).
-
-    What of a row follows from holonomic ones changes their lambda and nothing else.
-    """
+    """mu of the independent differential rows with the same mu . A at the start, and zero for the others (k,): what of
+    a row follows from holonomic ones changes their lambda and nothing else."""
     s, count = built.holonomic_count, len(built.rows.rows)
     is_independent = np.isin(np.arange(s, count), start.independent)
     if not start.mu[~is_independent].any():
@@ -210,11 +208,8 @@ def table(
 
 
 def require_action(built: system.System, t: float, q: Floats, p: Floats) -> None:
-    """Raise `diagnostics.ModelError`, located, where the motion is not that of an action: for a force without a
-    potential, and for one-sided rows.
-
-    A force that depends on no velocity and has no curl is a gradient, and is taken; t, q (n,), p: the start.
-    """
+    """Raise `diagnostics.ModelError`, located, for one-sided rows and for a force without a potential; one that depends
+    on no velocity and has no curl is a gradient, and is taken. t, q (n,), p: the start."""
     found = [
         diagnostics.Diagnostic(
             "not-of-an-action",

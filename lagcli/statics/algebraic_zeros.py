@@ -1,8 +1,8 @@
 """All real zeros of polynomials with rational coefficients, each exactly, with the proof that there are no others.
 
-A Groebner basis gives the algebra of functions on the zeros, of finite dimension D where there are finitely many; the
-zeros are told apart and counted by one unknown (`univariate`), in exact arithmetic. Where they are infinitely many,
-those on which a denominator vanishes are taken out: the ideal is saturated by it (Rabinowitsch: d u = 1).
+A Groebner basis gives the algebra of functions on the zeros, of finite dimension D where these are finitely many; they
+are told apart by one unknown (`univariate`). Of infinitely many those on which a denominator vanishes are taken out
+(Rabinowitsch: d u = 1).
 """
 
 from __future__ import annotations
@@ -90,10 +90,8 @@ def zeros(
     used: Sequence[int],
     denominators: Sequence[PolyElement] = (),
 ) -> list[AlgebraicZero]:
-    """All real zeros of equations in the `used` unknowns at which no denominator vanishes.
-
-    Raises `NotCounted`, and `SpentError` of the order of the ring.
-    """
+    """All real zeros of equations in the `used` unknowns at which no denominator vanishes. Raises `NotCounted`, and
+    `SpentError` of the order of the ring."""
     found: list[tuple[_BlockZero, ...]] = [()]
     for indices, polynomials in _blocks(equations, used, denominators):
         if not indices:

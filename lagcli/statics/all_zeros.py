@@ -1,8 +1,7 @@
 """All points of a problem, with the proof that none is left out: by exact algebra, or by intervals.
 
-Exact algebra serves where the equations are polynomials of few unknowns. Intervals serve one coordinate without rows:
-each has one zero of the force, or none. Where neither is seen, as at a pole, a kink, a double zero or in a flat tail, a
-piece stays undecided; what is found elsewhere is found all the same.
+Exact algebra serves where the equations are polynomials of few unknowns, intervals where there is one coordinate and no
+row: each has one zero of the force, or none, or stays undecided, as at a pole, a kink, a double zero or in a flat tail.
 """
 
 from __future__ import annotations
@@ -65,8 +64,8 @@ class Completeness:
 
 
 def by_algebra(search: PointSearch) -> Completeness:
-    """Put the exact points in the place of those of a search, for every set of contacts that can be counted; and say
-    whether all are known. Of more than 24 unknowns no Groebner basis is tried."""
+    """Put the exact points of each set of contacts that can be counted in the place of those of a search; and say
+    whether all are known."""
     problem = search.problem
     is_few = problem.n + problem.C <= 24 and point_search.PARAMETERS.most_contacts >= problem.K
     if len(problem.times) > 1 or not is_few:

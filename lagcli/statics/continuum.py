@@ -1,9 +1,8 @@
 """Continua of points of rest: their dimension at a point, and whether two points lie on one.
 
-A ring of equilibria, a plane on which a ball lies anywhere, families that nonholonomic rows leave. Contacts bound a
-continuum: at an edge of it they touch and carry nothing. A table whose weight stands over one leg rests on that leg at
-any tilt. Where a second leg touches too, its multiplier is zero, and whether it counts as closed is for the sides that
-it leaves to say, not for the sign of that zero.
+Contacts bound a continuum: at an edge of it they touch and carry nothing. A table whose weight stands over one leg
+rests on that leg at any tilt. Where a second leg touches too, its multiplier is zero, and whether it counts as closed
+is for the sides that it leaves to say, not for the sign of that zero.
 """
 
 from __future__ import annotations
@@ -90,10 +89,8 @@ def directions(equations: RestEquations, x: Floats) -> Floats:
 
 
 def tangent(equations: RestEquations, x: Floats) -> Floats:
-    """An orthonormal basis (n, d) of the directions of the continuum through a point, d = 0 for a point alone.
-
-    They are those in which steps along flat directions end at other points of rest, and there are as many there.
-    """
+    """An orthonormal basis (n, d) of the directions of the continuum through a point: steps along them end at other
+    points of rest, at which there are as many. d = 0 for a point alone."""
     basis = directions(equations, x)
     n, length = equations.problem.n, LENGTHS.near * equations.scales.length
     least, moved = basis.shape[1], []
@@ -192,10 +189,8 @@ def _nearer(equations: RestEquations, x: Floats, goal: Floats, size: int) -> Flo
 
 
 def with_own_contacts(problem: StaticProblem, found: EquilibriumPoint, scales: Scales) -> EquilibriumPoint:
-    """A point with only those contacts closed that carry a force or leave no side of themselves free.
-
-    A point that touches nothing without a force, or through which no continuum goes, is returned as it is.
-    """
+    """A point with only those contacts closed that carry a force or leave no side of themselves free; as it is where it
+    touches nothing without a force, or no continuum goes through it."""
     carrying = point_type.carrying(problem, found, scales)
     idle = [k for k in refine.touching(problem, found, scales) if k not in carrying]
     if not idle:

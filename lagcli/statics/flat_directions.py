@@ -5,9 +5,9 @@ With N (n, k) the flat directions, q and lambda of a point beside the one in que
     F + B^T lambda = N rho,    c = 0,    N^T (q - q_0) = xi,    grad phi(xi) = -rho
 
 (Lyapunov, Schmidt), and the type of the point is that of phi at 0 together with the curvatures across (the splitting
-lemma of Gromoll and Meyer). On each ray xi = s u all of these are power series of s, whose coefficients have the sizes
-of their terms beside them: what is zero is so by the rounding of its own terms. A point where derivatives vanish was
-found to a part of its digits alone: it is moved to where the last of them that should vanish does.
+lemma of Gromoll and Meyer). On rays xi = s u these are power series of s; a coefficient is zero by the rounding of its
+own terms. A degenerate point, found to a part of its digits, is moved to where the last derivative that should vanish
+does.
 """
 
 from __future__ import annotations
@@ -52,9 +52,8 @@ PARAMETERS = FlatParameters()
 class FlatVerdict:
     """The verdict of directions that may be flat on a function at a point, which is told to more digits.
 
-    up, down: how many of them have a curvature, by its sign; flat: how many have none. The function rises, or falls,
-    along some of these, is_strict: along all of them; order: of the derivatives that say so, 0 where none does;
-    is_odd: along one of two opposite directions it does something else than along the other.
+    up, down: how many have a curvature, by its sign; flat: how many have none. Along some of these the function rises,
+    or falls, is_strict: along all; order: of the derivatives that say so, or 0; is_odd: opposite directions differ.
     """
 
     point: EquilibriumPoint
@@ -98,7 +97,7 @@ class FlatEquations:
     ) -> None:
         self._problem, self._closed, self.scales = problem, list(closed), scales
         self.basis, self._all = basis, np.hstack([basis, along])
-        self._acting = [*range(problem.C), *(problem.C + k for k in closed)]
+        self._acting = problem.acting(closed)
 
     def on(self, axis: Floats) -> FlatEquations:
         """The equations with one direction (k,) of the flat ones set apart, the others staying as they are."""
@@ -107,10 +106,8 @@ class FlatEquations:
         return FlatEquations(self._problem, tuple(self._closed), self.scales, *apart)
 
     def settled(self, q: Floats, lam: Floats) -> tuple[Floats, Floats]:
-        """q (n,) and lambda (C + K,) with the equations across satisfied, as near as they are.
-
-        lambda is made anew: Newton's steps leave rounding of the largest forces they met on their way.
-        """
+        """q (n,) and lambda (C + K,) with the equations across satisfied; lambda is made anew, for Newton's steps leave
+        rounding of the largest forces they met."""
         n, rest = q.size, RestEquations(self._problem, tuple(self._closed), self.scales)
         # What is below the rounding of lengths is zero, so that its powers, and lambda of them, are no underflow.
         least = doubles.EPS * self.scales.length
@@ -128,7 +125,7 @@ class FlatEquations:
         """The residual, its gradient by (q, lambda, rho), and the inverse (unknowns, equations) of that."""
         values = self._problem.at(self._problem.t, q, lam)
         G, g = values.G[self._closed], values.g[self._closed]
-        rows, slopes, N = np.vstack([values.B, G]), np.vstack([values.dc, G]), self._all
+        rows, slopes, N = values.rows(self._closed), np.vstack([values.dc, G]), self._all
         m, r, k = len(rows), len(slopes), N.shape[1]
         nothing = np.zeros((r + k, m + k))
         A = np.block([[values.K, rows.T, -N], [slopes, nothing[:r]], [N.T, nothing[r:]]])
@@ -244,10 +241,9 @@ def is_elsewhere(moved: EquilibriumPoint, exact: EquilibriumPoint, scales: Scale
 def balanced(
     problem: StaticProblem, point: EquilibriumPoint, scales: Scales, basis: Floats
 ) -> tuple[Floats, Floats] | None:
-    """q (n,) and lambda (C + K,) where forces along flat directions (n, k) are rounding of their terms: those of the
-    point, or those a step of Newton's along them leads to, for what is nearly flat was found to a part of its digits.
-    None at a zero by underflow, and where a function comes so close to its limit that a double has no difference any
-    more: such a point is none."""
+    """q (n,) and lambda (C + K,) where forces along flat directions (n, k) are rounding of their terms, a step of
+    Newton's away at the most; None at a zero by underflow, as where a function comes so close to its limit that doubles
+    do not differ: such a point is none."""
     if not basis.size:
         return point.q, point.lam
     equations = FlatEquations(problem, point.closed, scales, basis, np.zeros((problem.n, 0)))
@@ -269,9 +265,8 @@ def balanced(
 
 
 def _changes(equations: FlatEquations, begin: tuple[Floats, Floats], axis: Floats) -> tuple[float, float]:
-    """The part of the curvature along a direction (k,) that the third derivative changes on the way to the zero that
-    Newton's steps lead to (Kantorovich), and what it may be where the force is rounding: a curvature that is none but
-    beside a degenerate point changes by half or more."""
+    """The part of the curvature along a direction (k,) that the third derivative changes on the way to the zero
+    (Kantorovich), and what it may be where the force is rounding: beside a degenerate point it is half or more."""
     found = equations.on(axis).expanded(*begin, np.ones((1, 1)), 3)
     if found is None:
         return 0.0, 0.0
@@ -284,8 +279,7 @@ def _changes(equations: FlatEquations, begin: tuple[Floats, Floats], axis: Float
 def _of_powers_here(
     equations: FlatEquations, begin: tuple[Floats, Floats], rays: Floats, verdict: FlatVerdict
 ) -> FlatVerdict | None:
-    """The verdict of the powers beyond the second at a point that is exact; None where that does not vanish, or none
-    is seen."""
+    """The verdict of the powers beyond the second at an exact point; None where that is not zero, or none is seen."""
     known = None
     few = (PARAMETERS.orders // 2, PARAMETERS.orders)
     for orders in few if rays.shape[1] < 3 else (PARAMETERS.degree,):
@@ -324,8 +318,7 @@ def _of_powers(
 def _of_first_power(
     equations: FlatEquations, begin: tuple[Floats, Floats], rays: Floats, orders: int, verdict: FlatVerdict
 ) -> FlatVerdict | None:
-    """The verdict of the first power that does not vanish, and of those beyond it; None where all do, or lower ones do
-    not."""
+    """The verdict of the first power that does not vanish, and of those beyond it; None where there is no such one."""
     few = rays[:: max(1, len(rays) // PARAMETERS.orders)]
     found = equations.expanded(*begin, few, orders)
     if found is None:
@@ -390,8 +383,7 @@ def _moved_along(
 def _moved(
     equations: FlatEquations, begin: tuple[Floats, Floats], found: _Expansion, power: int
 ) -> tuple[Floats, Floats, _Expansion] | None:
-    """q and lambda where all powers of phi below one vanish and this one does not, with the powers there; None where
-    there are none."""
+    """q and lambda where all powers of phi below one vanish and this one does not, with the powers there; or None."""
     (q, lam), n = begin, len(begin[0])
     size, last, way = equations.scales.length, np.inf, 0.0
     for _ in range(6):  # each doubles the digits

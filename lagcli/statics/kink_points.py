@@ -1,10 +1,9 @@
 """Points where the function has a kink, or a pole: there it may have an extreme that no lambda balances.
 
 The shortest sum of distances to the corners of an obtuse triangle is that from the corner itself; |x - 1| + x^2/4 is
-least at 1. Where u vanishes in sqrt(u), |u|, u^(1/3) or the difference u of min and max, the stationary points on the
-surface u = 0 are candidates, with some inequalities closed; whether the function rises from one of them, or falls, its
-slopes say on all sides that are open. Where a divisor vanishes, or what a logarithm is taken of, there is no value:
-such a place is named, with what the function does beside it.
+least at 1. Candidates are the stationary points on the surface u = 0 of sqrt(u), |u|, u^(1/3) or the difference u of
+min and max, with some inequalities closed; slopes on all sides that are open tell the type. Where a divisor vanishes,
+or what a logarithm is taken of, there is no value: such a place is named, with what the function does beside it.
 """
 
 from __future__ import annotations
@@ -154,8 +153,7 @@ def _candidates(search: PointSearch, on_kink: StaticProblem) -> Iterator[Floats]
 
 
 def _kind(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | None:
-    """`minimum` or `maximum` at a kink, by the slopes beside it on all sides that are open; None where it is none, or
-    undecided."""
+    """`minimum` or `maximum` at a kink, by the slopes on all open sides; None where it is none or undecided."""
     problem, h = search.problem, doubles.ROOT * search.scales.length
     here = problem.value(q)
     if not np.isfinite([here, on_kink.value(q)]).all():
@@ -216,8 +214,7 @@ def _kind(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | None:
 
 def _staying(on_kink: StaticProblem, q: Floats, rows: int, Z: Floats, distance: float) -> Floats:
     """Directions (d, k) of a space Z (n, d) in which arguments of kinks, after the first rows, stay zero although their
-    gradients, compared over a distance, vanish, as the square of a distance does where both ends move: those that are
-    drawn hardly meet them."""
+    gradients, compared over a distance, vanish: those that are drawn hardly meet them."""
 
     def gradients(at: Floats) -> Floats:
         return on_kink.at(on_kink.t, at, on_kink.nothing).dc[rows:] @ Z

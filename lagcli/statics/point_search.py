@@ -71,9 +71,8 @@ PARAMETERS = SearchParameters()
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class SearchOptions:
-    """pushes: contacts push (rest), or pull too (stationary points); angles (n,): coordinates in which the equations
-    are periodic; repeating (n,): those in which points a turn apart are two, of which the one next to the start is
-    taken."""
+    """pushes: contacts push (rest), or pull too (stationary points); angles (n,): coordinates with a period of the
+    equations; repeating (n,): those in which points a turn apart are two, and the one next to the start is taken."""
 
     has_potential: bool
     pushes: bool

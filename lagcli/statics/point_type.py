@@ -4,11 +4,11 @@ A contact that touches and carries nothing holds nothing, but one may not pass i
 what is left decides (strict copositivity), and not the eigenvalues of H: on x >= 0, y >= 0 nothing is less than
 x y + x^2 + y^2 - 3 x y / 2 at 0.
 
-Where gradients depend on each other many multipliers balance a point. Allowed are the directions d with B d = 0 and
-G d >= 0, G of all contacts that touch. To first order a function falls along none of them where there are multipliers
-of contacts >= 0 (Farkas), and rises along none where there are some <= 0. Of second order it falls along d where the
-curvature of the Lagrangian does for all such multipliers, if these are bounded, and it is a minimum where it rises for
-one of them along all d (Ben-Tal, J. Optim. Theory Appl. 31 (1980) 143).
+Where gradients depend on each other many multipliers balance a point. To first order a function falls along no allowed
+direction, B d = 0 and G d >= 0, where there are multipliers of contacts >= 0 (Farkas), and rises along none where there
+are some <= 0. Of second order it falls along d where the curvature of the Lagrangian does for all such multipliers, if
+these are bounded; it is a minimum where it rises for one of them along all d (Ben-Tal, J. Optim. Theory Appl. 31 (1980)
+143).
 """
 
 from __future__ import annotations
@@ -37,10 +37,9 @@ MOST_WEAK = 8
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class PointType:
-    """kind and index (negative directions) are None where the forces have no potential, or the rank of the equality
-    rows is undecided; unique: whether lambda is, None where the rank of the rows does not say;
-    rank: of the equality rows; freedom: what these leave; is_regular: whether all curvatures are known and none
-    vanishes, so that no other point is near."""
+    """kind and index (negative directions) are None without a potential, or where the rank of the equality rows is
+    undecided; unique: whether lambda is, None where the rank does not say; rank: of the equality rows; freedom: what
+    these leave; is_regular: all curvatures are known and none vanishes, so that no other point is near."""
 
     kind: Kind | None
     index: int | None
@@ -60,10 +59,9 @@ def classify(
 ) -> tuple[PointType, EquilibriumPoint]:
     """The type of a point, and the point: one where curvatures vanish is told to more digits.
 
-    along (n, d): the directions of a continuum, whose type is that of the directions across; is_exact: the point is
-    known to rounding, so that curvatures do not vanish which would do so elsewhere. Contacts that carry a
-    force count as rows; one that pushes is a wall of a minimum, one that pulls of a maximum. Those that touch and
-    carry nothing leave a cone of directions.
+    along (n, d): the directions of a continuum, across which the type is told; is_exact: the point is known to
+    rounding, and is not moved. Contacts that carry a force count as rows: one that pushes is a wall of a minimum, one
+    that pulls of a maximum. Those that touch and carry nothing leave a cone of directions.
     """
     values = problem.at(problem.t, point.q, point.lam)
     B, G = decompositions.unit(values.B), decompositions.unit(values.G[list(point.closed)])
@@ -134,16 +132,12 @@ def _of_doubtful(
     signs: Floats,
     is_exact: bool,
 ) -> tuple[FlatVerdict, bool]:
-    """The verdict on directions (n, k) whose curvatures may vanish, beside those of a continuum (n, d), and whether it
-    is one on all directions.
-
-    By many digits, where these decide; by higher derivatives, where rows are of positions alone, nothing depends on t,
-    and the model is not large; else by the signs (k,) of the curvatures.
-    """
+    """The verdict on directions (n, k) whose curvatures may vanish, beside those of a continuum (n, d), and whether
+    it is one on all directions: by many digits, by higher derivatives where rows are of positions alone, nothing
+    depends on t and the model is not large, or else by the signs (k,) of the curvatures."""
     doubtful, along = directions
     if doubtful.shape[1]:
-        acting = [*range(problem.C), *(problem.C + k for k in point.closed)]
-        x = np.concatenate([point.q, point.lam[acting]])
+        x = np.concatenate([point.q, point.lam[problem.acting(point.closed)]])
         found = precise_zeros.signs(RestEquations(problem, point.closed, scales), x)
         if found is not None and found[2] == along.shape[1]:
             return FlatVerdict(point, *found[:2]), True
@@ -198,11 +192,8 @@ def _kind_on_cone(
 
 
 def extremes(H: Floats, G: Floats) -> tuple[float, float] | None:
-    """The least and the greatest u^T H u of all u of length one with G u >= 0, None where only u = 0 is left.
-
-    H (d, d) symmetric, G (k, d) with few rows. Both are reached at an eigenvector of H restricted to a face
-    of the cone, on which some rows are zero, and of several the smaller faces have their own.
-    """
+    """The least and the greatest u^T H u of all u of length one with G u >= 0, None where only u = 0 is left: at
+    eigenvectors of H (d, d) on the faces of the cone, on which some of the rows G (k, d), which are few, are zero."""
     lengths, small = np.linalg.norm(G, axis=1), rank.PARAMETERS.small
     rows = G[lengths > small] / lengths[lengths > small, None]
     found: list[float] = []
@@ -257,7 +248,7 @@ def _of_one_sign(problem: StaticProblem, point: EquilibriumPoint, scales: Scales
     plain = _SharedMultipliers(point, bool((own > 0).any()), bool((own < 0).any()))
     touching = refine.touching(problem, point, scales)
     values = problem.at(problem.t, point.q, point.lam)
-    rows = np.vstack([values.B, values.G[list(touching)]])
+    rows = values.rows(touching)
     unit, lengths = decompositions.unit(rows), decompositions.lengths(rows)
     if not own.any() or rank.space(unit, is_whole=False).low == len(rows):
         return plain
@@ -273,16 +264,9 @@ def _of_one_sign(problem: StaticProblem, point: EquilibriumPoint, scales: Scales
             balanced[sign] = np.concatenate([of_rows, sign * weights[2 * problem.C :]]) / lengths
     if not balanced:
         return _SharedMultipliers(point, True, True)
-    lam = _whole(problem, touching, balanced[1 if 1 in balanced else -1])
+    lam = problem.whole(touching, balanced[1 if 1 in balanced else -1])
     chosen = dataclasses.replace(point, lam=lam, closed=touching)
     return _SharedMultipliers(chosen, -1 not in balanced, 1 not in balanced, are_many=True)
-
-
-def _whole(problem: StaticProblem, contacts: tuple[int, ...], lam: Floats) -> Floats:
-    """lambda (C + K,) from that of the rows and of these contacts."""
-    whole = np.zeros(problem.C + problem.K)
-    whole[[*range(problem.C), *(problem.C + k for k in contacts)]] = lam
-    return whole
 
 
 def _of_many_multipliers(
@@ -312,11 +296,11 @@ def _of_many_multipliers(
 
     own = curvature(point.lam)
     values = problem.at(problem.t, point.q, point.lam)
-    rows = np.vstack([values.B, values.G[list(point.closed)]])
+    rows = values.rows(point.closed)
     unit = decompositions.unit(rows)
     dependences = rank.space(unit).dependences / decompositions.lengths(rows)
     nothing = doubles.ZERO * max(float(np.abs(own).max()), scales.force / scales.length)
-    added = (_whole(problem, point.closed, lam) for lam in dependences)
+    added = (problem.whole(point.closed, lam) for lam in dependences)
     bent = [curvature(point.lam + lam * np.abs(values.F).max()) - own for lam in added]
     if all(np.abs(each).max() <= nothing for each in bent):
         return None
@@ -344,11 +328,11 @@ def _vertices(problem: StaticProblem, point: EquilibriumPoint, sign: int, limit:
     values, C = problem.at(problem.t, point.q, point.lam), problem.C
     for size in range(len(point.closed) + 1):
         for held in itertools.combinations(point.closed, size):
-            rows = np.vstack([values.B, values.G[list(held)]])
+            rows = values.rows(held)
             own = rank.space(decompositions.unit(rows), is_whole=False)
             if own.low < C + size:
                 continue
             lam = own.weights(-values.F) / decompositions.lengths(rows)
             is_met = np.abs(values.F + rows.T @ lam).max() <= limit
             if is_met and (sign * lam[C:] * decompositions.lengths(rows)[C:] >= -limit).all():
-                yield _whole(problem, held, lam)
+                yield problem.whole(held, lam)

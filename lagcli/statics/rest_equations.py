@@ -79,8 +79,7 @@ class RestEquations:
     def __init__(self, problem: StaticProblem, closed: tuple[int, ...] | None, scales: Scales) -> None:
         self.problem, self.closed, self.scales = problem, closed, scales
         self.contacts = list(range(problem.K)) if closed is None else list(closed)
-        self.acting = problem.acting(self.contacts)
-        self.rows = len(self.acting)
+        self.rows = problem.C + len(self.contacts)
         self.size = problem.n + self.rows * len(problem.times)
 
     @property
@@ -92,9 +91,7 @@ class RestEquations:
 
     def all_multipliers(self, multipliers: Floats) -> Floats:
         """lambda of all rows (C + K,) from those of the rows that act."""
-        lam = self.problem.nothing
-        lam[self.acting] = multipliers
-        return lam
+        return self.problem.whole(self.contacts, multipliers)
 
     def split(self, x: Floats) -> tuple[Floats, list[Floats]]:
         """q, and lambda of the rows that act at each time."""

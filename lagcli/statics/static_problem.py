@@ -160,8 +160,7 @@ class Values:
 
 class StaticProblem:
     """The values of one problem, with exact derivatives. n, C, K: coordinates, equality rows, contacts; `times`: those
-    at which its equations are to hold, one where they do not depend on t; `later`: further ones, at which what is found
-    must hold too."""
+    at which its equations are to hold, one where nothing depends on t; `later`: others, at which found points must."""
 
     def __init__(self, laws: StaticLaws, p: Floats, start: tuple[float, Floats], duration: float) -> None:
         self.laws, self.p = laws, p
@@ -313,6 +312,12 @@ class StaticProblem:
     def acting(self, closed: Sequence[int]) -> list[int]:
         """The places in lambda of the equality rows and of closed contacts."""
         return [*range(self.C), *(self.C + k for k in closed)]
+
+    def whole(self, closed: Sequence[int], multipliers: Floats) -> Floats:
+        """lambda (C + K,) from that of the equality rows and of closed contacts."""
+        lam = self.nothing
+        lam[self.acting(closed)] = multipliers
+        return lam
 
     def _is_steady(self, later: Sequence[float]) -> bool:
         """True if no value depends on t, at random points round the start."""

@@ -161,10 +161,8 @@ def _named(names: Sequence[str], values: list[float]) -> dict[str, float]:
 
 
 def potential_origin(problem: StaticProblem) -> Origin:
-    """The potential of the forces at rest: as declared, of forces that have one by their gradient, or none.
-
-    Functions are told from zero by their values at random points.
-    """
+    """The potential of the forces at rest: as declared, of forces that have one by their gradient, or none; by values
+    at random points."""
     random = np.random.default_rng(7)
     size = float(np.abs(problem.begin).max(initial=0.0)) or 1.0
     found: Origin = "declared"

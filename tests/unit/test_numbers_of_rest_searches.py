@@ -264,7 +264,8 @@ def test_four_undecided_pieces_are_named(count, is_more):
 def kind_of(K, lam=(), closed=(), force=1.0):
     """The type of a point with this gradient of the forces, of a problem that depends on t."""
     n, K = len(K), np.array(K, dtype=float)
-    values = SimpleNamespace(B=np.zeros((0, n)), G=np.zeros((0, n)), K=K, F=np.zeros(n), g=np.zeros(0))
+    nothing = np.zeros((0, n))
+    values = SimpleNamespace(B=nothing, G=nothing, K=K, F=np.zeros(n), g=np.zeros(0), rows=lambda _: nothing)
     point = EquilibriumPoint(np.zeros(n), np.array(lam), closed, 0.0)
     problem = fake_problem(n, at=lambda *_: values, times=(0.0, 1.0))
     return point_type.classify(
