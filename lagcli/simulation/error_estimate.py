@@ -36,14 +36,13 @@ SURE = 3
 class Accuracy:
     """The estimate at the last row, t; four numbers each, in the order of `KINDS`.
 
-    errors: of the largest component up to t, in the units of the columns; scales: the largest value up to t;
-    until: time of the last row before the error first exceeded a thousandth of the scale, t where it never did;
-    rtol: the tolerance of the steps of the repeated run; steps, rejected, evaluations: its account. zero: kinds of
-    which all values are zero to rounding; parted: between which times the two runs have gone apart at once, one of them
-    having missed a force; None where they have not.
-    between: how many rows stand between the times of one incident in both runs, and the time of the first: they count
-    for positions alone; growth: by how much each impact makes errors grow, None where they do not grow exponentially.
-    energy_error: of a run whose energy is not kept though it should be, as a part of the energy exchanged, else 0.
+    errors: of the largest component up to t, in the units of the columns; scales: the largest value up to t; until:
+    time of the last row before the error first exceeded a thousandth of the scale; rtol: the tolerance of the steps of
+    the repeated run; steps, rejected, evaluations: its account; zero: kinds of which all values are zero to rounding;
+    parted: between which times the runs have gone apart at once, one of them having missed a force; between: how many
+    rows stand between the times of one incident in both runs, which count for positions alone, and the time of the
+    first; growth: by how much each impact makes errors grow, where they do exponentially; energy_error: of a run whose
+    energy should be kept and is not, as a part of the energy exchanged, else 0.
     """
 
     t: float
@@ -62,8 +61,8 @@ class Accuracy:
 
     @property
     def digits(self) -> dict[str, float | None]:
-        """log10(scale / error) of each kind, not below 0, and no more than the energy has; None where all values are
-        zero, to rounding, or there are none."""
+        """log10(scale / error) of each kind, from 0 to what the energy has; None where there is nothing but zeros, to
+        rounding."""
         found: dict[str, float | None] = {}
         for kind, error, scale in zip(KINDS, self.errors, self.scales, strict=True):
             error = max(error, self.energy_error * scale)
@@ -114,8 +113,7 @@ class Accuracy:
         return sentence
 
     def as_json(self) -> dict[str, Any]:
-        """The objects of `--stats`: digits, errors, the times up to which there are three digits, and the repeated
-        run."""
+        """The objects of `--stats`."""
         return {
             "digits": self.digits,
             "errors": dict(zip(KINDS, self.errors, strict=True)),
@@ -242,8 +240,7 @@ NOT_RESUMED = (
 
 
 def repeated(settings: Simulation) -> Simulation:
-    """The settings of the repeated run: the same grid, another tolerance, such that steps differ too, and half the
-    largest step."""
+    """The settings of the repeated run: another tolerance, such that steps differ too, and half the largest step."""
     if settings.max_step is not None:
         settings = dataclasses.replace(settings, max_step=settings.max_step / 2)
     rtol, atol, *_ = step_tolerance.of_steps(settings).tolist()
@@ -279,9 +276,9 @@ def columns_of_kinds(system: System) -> tuple[list[int], ...]:
 
 
 class Errors:
-    """Running maxima of the distance of two tables and of the values themselves, each kind for itself.
+    """Running maxima of the distance of two tables and of the values themselves, of each kind.
 
-    kinds: the indices of the columns of each kind; parted: what looks for an interval in which the tables go apart.
+    kinds: the columns of each kind; parted: looks for an interval in which the tables go apart.
     """
 
     def __init__(self, kinds: tuple[list[int], ...], factor: float, parted: Parting | None = None) -> None:

@@ -28,10 +28,8 @@ GROWN, FEWEST = 30.0, 6
 
 
 class IncidentSides:
-    """The incidents of two runs, taken as they come, and the rows between those that belong together.
-
-    rows: how many there were; first: the time of the first, None where there was none.
-    """
+    """The incidents of two runs, taken as they come, and the rows between those that belong together: how many `rows`
+    there were, and the time of the `first`."""
 
     def __init__(self) -> None:
         self.rows = 0
@@ -46,8 +44,8 @@ class IncidentSides:
                 self._pending.setdefault((one.kind, one.name), ([], []))[side].append(one.t)
 
     def between(self, t: Floats) -> Flags:
-        """True for rows at times t (k,), of which all incidents up to the last are known, and none later is asked for
-        again."""
+        """True for rows at times t (k,) between the incidents of both runs, all of which are known up to the last
+        row."""
         found = np.zeros(len(t), dtype=bool)
         if not len(t):
             return found
@@ -66,8 +64,7 @@ class IncidentSides:
         return self._counted(t, found)
 
     def beside(self, t: Floats) -> Flags:
-        """Compare as `between` does, for a table whose own incidents are not known: rows next to one of the repeated
-        run."""
+        """As `between`, for a table whose own incidents are not known: rows next to one of the repeated run."""
         start = self._start = float(t[0]) if self._start is None and len(t) else self._start
         found = np.zeros(len(t), dtype=bool)
         for _, times in self._pending.values():
@@ -119,7 +116,7 @@ class ImpactGrowth:
 class IncidentErrors:
     """Incidents of the repeated run that wait for those of the run, in their order by kind and name.
 
-    kinds: the indices of the columns of each kind in a row of the table; factor: on the distance of the two runs.
+    kinds: the columns of each kind in a row of the table; factor: on the distance of the two runs.
     """
 
     def __init__(self, kinds: tuple[list[int], ...], factor: float) -> None:
@@ -134,9 +131,8 @@ class IncidentErrors:
     def extended(self, incidents: Sequence[Incident], start: float, rows: Floats) -> list[Incident]:
         """Incidents of the run in the order of time, their lines with errors (4,) at the end.
 
-        start: the time of the first row; rows (k, 5): times in their order, with the errors up to each. An error is
-        the larger of that at the row before and of that at the incident itself, and nan where the repeated run has no
-        such incident by then.
+        start: the time of the first row; rows (k, 5): times with the errors up to each. An error is the larger of that
+        at the row before and that at the incident, nan where the repeated run has no such incident by then.
         """
         found = []
         for t, group in itertools.groupby(incidents, key=lambda incident: incident.t):

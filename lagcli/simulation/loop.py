@@ -39,8 +39,7 @@ PAUSE = 0.1  # seconds after which the rows so far, be there none, are handed ou
 
 @frozen
 class RunBlock:
-    """Rows (k, columns) as they are handed out, maybe none, and the incidents that come with them in the order of time:
-    some may lie beyond the last row."""
+    """Rows (k, columns) as they are handed out, maybe none, and the incidents that come with them, in order."""
 
     rows: Floats
     incidents: list[Incident]
@@ -50,8 +49,8 @@ class Run:
     """One integration: iterate `blocks` once; `statistics` is filled as they come, and `stepper` goes on.
 
     begin: puts the start onto the constraints, proposes the first step, and is True where that is an ordinary one; None
-    for a run that is resumed; row: time of the last row handed out; skipped_rows: rows that are lost to a grid other
-    than that of the run state. Times in here, `t` and the grid too, are counted from `origin`.
+    for a run that is resumed; row: time of the last row handed out; skipped_rows: lost to another grid than that of the
+    run state. Times, the grid's too, are counted from `origin`.
     """
 
     def __init__(
@@ -199,9 +198,9 @@ FIRST = 0.1
 class RunStart:
     """A consistent start, q and v (n,), and all that a run from there goes with.
 
-    enforced: the functions, with the integrals that are enforced there; timed: what the model says about t alone;
-    is_singular: the rows are dependent there and not nearby; notes: what was said about integrals; part: of the usual
-    first step, with which the run begins; is_again: it repeats another run and must not miss what that one may.
+    enforced: the functions, with the integrals that are enforced; timed: what the model says about t alone;
+    is_singular: the rows are dependent there and not nearby; notes: on integrals; part: of the usual first step;
+    is_again: it repeats another run.
     """
 
     enforced: EnforcedInvariants

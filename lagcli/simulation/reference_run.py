@@ -24,10 +24,8 @@ Floats = npt.NDArray[np.float64]
 
 
 class RunWithReference:
-    """A run from its start and the same run at another tolerance, which is kept no farther ahead than a block.
-
-    columns_of_kinds: the columns of each kind, of whose errors the columns `COLUMNS` tell.
-    """
+    """A run from its start and the same run at another tolerance, which is kept no farther ahead than a block; the
+    columns `COLUMNS` tell of the errors of `columns_of_kinds`."""
 
     COLUMNS = error_estimate.COLUMNS
 
@@ -70,11 +68,8 @@ class RunWithReference:
         return self._errors.accuracy(self._again, self._tolerance)
 
     def of_table(self, rows: Floats) -> Accuracy | None:
-        """The estimate for a table (T, columns) in place of the rows of the first run, which is not taken.
-
-        None where the times of its rows are not those of the grid. Raises `RunStop` where the repeated run
-        stops before the last of them.
-        """
+        """The estimate for a table (T, columns) in place of the rows of the first run; None where its times are not
+        those of the grid. Raises `RunStop` where the repeated run stops before the last of them."""
         known = 0
         for again in self._ahead:
             others = again.rows

@@ -28,8 +28,7 @@ class TableRows(NamedTuple):
 
 
 class RowWriter:
-    """Lines of a block, one after the other; next_row: the number of the row of the grid that comes next;
-    last: the time of the last row."""
+    """Lines of a block; next_row: the number of the next row of the grid; last: the time of the last row."""
 
     def __init__(self, stepper: Stepper, made: TableRows, next_row: int, last: float = -math.inf) -> None:
         self._stepper, self._columns, self._ends_only = stepper, made.columns, made.ends_only
@@ -62,10 +61,8 @@ class RowWriter:
         return self.grid.first(math.nextafter(self._stepper.t, math.inf)) if is_within else self.next_row
 
     def open(self, capacity: int) -> None:
-        """Begin a block; blocks are handed out without a copy, so that each needs memory of its own.
-
-        One line more than its capacity is for the event that ends a run, whose row so leaves with those of its step.
-        """
+        """Begin a block, in memory of its own, with a line more than its capacity for the row of an event that ends the
+        run."""
         self._lines, self._filled, self._capacity = np.empty((capacity + 1, self.width)), 0, capacity
 
     def close(self) -> Floats:
@@ -82,7 +79,7 @@ class RowWriter:
         self._put_line()
 
     def put_state(self) -> bool:
-        """Write the rows at the state where the run stands, if there are any; False where the block is full before.
+        """Write the rows at the state where the run stands, if any; False where the block is full before.
 
         Behind a switch of functions of t they may lie a few roundings of the time before it.
         """
@@ -93,11 +90,9 @@ class RowWriter:
         return True
 
     def put_last(self) -> None:
-        """Write the row of the event that has ended the run, where it stands, in place of one of the grid at the same
-        instant.
+        """Write the row of the event that has ended the run, in place of one of the grid at the same instant.
 
-        Only a row within the step that the event ends gives way: no block was handed out since. One that stands where
-        that step begins may have left, and one of the run before a resumed one has: it stays alone.
+        Only a row within the step that the event ends gives way: one where that step begins may have left already.
         """
         run = self._stepper
         if self.grid.is_rounding(run.t - self.last, run.origin + run.t):
@@ -108,10 +103,8 @@ class RowWriter:
         self.put_begin()
 
     def put_rows(self, step: FoundStep) -> bool:
-        """Write the rows of the grid within the step that was found; False where the block is full before.
-
-        A row at an incident is that of the state after it, and is left.
-        """
+        """Write the rows of the grid within the step that was found; False where the block is full before. The row at
+        an incident is that of the state after it, and is left."""
         run, rows = self._stepper, self._stepper.trial.rows
         t, reached, taken = run.t, step.reached, step.taken
         self._begun, capacity = t, self._capacity
@@ -228,8 +221,8 @@ class RowWriter:
         return max(0.0, float(np.nan_to_num(-g).max()))
 
     def _require_pushes(self, lines: Floats) -> None:
-        """Raise `StepFailure` where a contact pulls in lines (k, columns), t first, by more than rounding and the
-        tolerance of the run make of the forces."""
+        """Raise `StepFailure` where a contact pulls in lines (k, columns), t first, by more than rounding and
+        tolerance."""
         if not self._names or not (lines[:, self._multipliers] < 0.0).any():
             return
         from lagcli.simulation.closed_contacts import contact_instant

@@ -41,13 +41,12 @@ Floats = npt.NDArray[np.float64]
 
 @frozen
 class RunReport:
-    """The account of a run at the time t reached.
+    """The account of a run at the time t reached: q, v, a (n,) there, and the statistics as they stood then.
 
-    q, v, a: the state there and its accelerations, (n,) each; selection: the independent rows it is stepped with;
-    indeterminate: rows whose multipliers, or impulses, are not unique or were not at some time; statistics: as they
-    stood then; solve_seconds: wall time, of a repeated run too; largest_penetration: the largest -g_j over all rows and
-    ends of steps, in units of g_j; complete: the rows of the grid up to t, be they made or not; accuracy: of rows,
-    where the run is repeated; rank_margin: how far the rows are from dependent ones after the last step, as an angle.
+    selection: the independent rows it is stepped with; indeterminate: rows whose multipliers or impulses are, or were,
+    not unique; solve_seconds: wall time, of a repeated run too; largest_penetration: the largest -g_j; complete: the
+    rows of the grid up to t, made or not; accuracy: of a repeated run; rank_margin: how far rows are from dependent
+    ones, as an angle.
     """
 
     t: float
@@ -85,11 +84,10 @@ class RunReport:
 
 
 class RunInBlocks:
-    """A run that is ready to go: iterate `blocks` once; all else is data.
+    """A run that is ready to go: iterate `blocks` once.
 
-    columns: of its rows, t first; grid: their times; skipped_rows: rows that are lost to a grid other than that of the
-    checkpoint it goes on from; handed_out: the number of rows up to there; report: of the run so far, up to the last
-    block.
+    columns: of its rows, t first; grid: their times; skipped_rows: lost to another grid than that of the checkpoint;
+    handed_out: rows up to there; report: of the run up to the last block.
     """
 
     def __init__(
@@ -208,8 +206,8 @@ class CachedFunctions:
         """A consistent state with all that a run from there goes with, by the settings of the model.
 
         selection: the independent rows there; is_singular: they are dependent there and not nearby; integrals: those to
-        enforce; notes: what is to be said of others. Raises `diagnostics.ModelError` where an acceleration or a column
-        is not finite there.
+        enforce; notes: on others. Raises `diagnostics.ModelError` where an acceleration or a column is not finite
+        there.
         """
         open_rows = dataclasses.replace(selection, inactive=self.numeric.selection.inactive)
         enforced, not_enforced = invariants.begin(self.integrals(system, integrals).keeping(open_rows), state)
@@ -227,10 +225,10 @@ def begin(
     is_repeated: bool = False,
     ends_only: bool = False,
 ) -> RunInBlocks:
-    """The run of a model from its start, by the settings of the model.
+    """The run of a model from its start.
 
     cached: the functions of its text, which gave the start; is_repeated: with columns of errors; ends_only: with the
-    first row of the grid and the last one alone, where no other row can end the run.
+    first and the last row of the grid alone, where no other row can end the run.
     """
     rows = TableRows(system.columns, ends_only and cached.has_total_columns(system))
     run = loop.start(start, rows)
@@ -245,8 +243,7 @@ def begin(
 def resume(system: System, cached: CachedFunctions, point: Checkpoint) -> RunInBlocks:
     """The run of a model on from where another one of it stood, whose identity was compared.
 
-    Its start was examined, and perhaps assembled, when it began. Raises `diagnostics.ModelError`,
-    `CheckpointError` for a checkpoint of another system.
+    Raises `diagnostics.ModelError`, `CheckpointError` for a checkpoint of another system.
     """
     size_limits.require_run(system)
     from lagcli.simulation.run_state.checkpoint import CheckpointError

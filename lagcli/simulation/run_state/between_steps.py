@@ -21,13 +21,15 @@ Floats = npt.NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class ContactState:
-    """touching: contacts that are closed and do not press; apart: those of them whose gaps are above zero, though they
-    are not told from it; unarmed: numbers of rows, and of declared events after all rows, of which the function that is
-    watched has just crossed zero; last: time of the last incident, counted as the state; again: changes without a step
-    between them; size: the largest size of the motion at incidents; ending: contacts whose rebounds end at a time
-    ahead, with the time; postponed: declared events that the contacts which close with them bring about, with that
-    time; deepest: the largest -g_j so far; shared: rows whose multipliers or impulses were not unique at some time;
-    crowds: contacts that were struck of late, see `run_contacts.Crowd`."""
+    """The contacts of a run between two steps.
+
+    touching: closed, and do not press; apart: those of them with gaps above zero; unarmed: numbers of rows, and of
+    declared events after all rows, whose watched function has just crossed zero; last: time of the last incident;
+    again: changes without a step between them; size: the largest size of the motion at incidents; ending: contacts
+    whose rebounds end ahead, with the time; postponed: declared events that these bring about, likewise; deepest: the
+    largest -g_j so far; shared: rows whose multipliers or impulses were not unique; crowds: contacts that were struck
+    of late, see `run_contacts.Crowd`.
+    """
 
     touching: tuple[int, ...] = ()
     apart: tuple[int, ...] = ()
@@ -53,13 +55,12 @@ NOTHING = ContactState()
 class RunState(Counts):
     """A run between two steps, what it has counted, and what it has handed out.
 
-    t, y (2n + 1,), k = y'(t, y), step: the state, and the step proposed from it; pace_from: time of the last
-    look at the pace; row: time of the last row handed out, which may lie on either side of t; extremes: those of all
-    rows handed out; selection: the rows it is stepped with; invariant_values: how each integral is enforced; watch:
-    what the next singular configuration is predicted from; turns: where angles with a cut were, counted through all
-    turns; contacts: see `ContactState`; is_blurred: whether steps look at the rounding of rows and forces, None where
-    that is still to be seen. Of the counts, reported is of the incidents handed out, which may lie beyond t.
-    Times are counted from `origin`, but for those of crossings and incidents.
+    t, y (2n + 1,), k = y'(t, y), step: the state, and the step proposed from it; pace_from: time of the last look at
+    the pace; row: time of the last row handed out, on either side of t; extremes: of all rows handed out; selection:
+    the rows it is stepped with; invariant_values: how each integral is enforced; watch: what the next singular
+    configuration is predicted from; turns: where angles with a cut were; is_blurred: whether steps look at the rounding
+    of rows and forces, None where that is to be seen. Times are counted from `origin`, but for those of crossings and
+    incidents.
     """
 
     t: float
@@ -96,7 +97,7 @@ class Turns:
 
     def settle(self, t: float, q: Floats, p: Floats, notes: tuple[str, ...] = ()) -> tuple[str, ...]:
         """Set p for the next step from t, q (n,); the notes with one on each row of which an angle crosses its cut
-        first, in the run or before it was resumed."""
+        first."""
         cuts = self._cuts
         if cuts is None:
             return notes

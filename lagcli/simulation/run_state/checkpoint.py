@@ -32,10 +32,8 @@ class CheckpointError(ValueError):
 
 @frozen_value
 class Identity:
-    """The data that must agree for a run to go on: the text of the model, all that `--set` may change, the settings.
-
-    q, v: the declared start, (n,) each; max_step: None where steps have no bound.
-    """
+    """The data that must agree for a run to go on: the text of the model, its settings, and what `--set` may change, as
+    the declared start q, v (n,)."""
 
     fingerprint: str
     parameters: dict[str, float | Vector3]
@@ -50,8 +48,8 @@ class Identity:
 
 @frozen_value
 class CheckpointTable:
-    """The table a run was writing into a file: where it is, seen from the folder of the checkpoint; step: between its
-    rows; count, checksum: of those that were written; has_event_rows: with rows of the instants of incidents."""
+    """The table a run was writing: its file, seen from the folder of the checkpoint; step: between its rows; count,
+    checksum: of those that were written; has_event_rows: with rows of the instants of incidents."""
 
     file: str
     step: float
@@ -62,8 +60,8 @@ class CheckpointTable:
 
 @frozen
 class Checkpoint:
-    """A run, and whose; integrals: those that were found of its differential rows when it began; table: where its rows
-    went, where that is a file; events: the same of its incidents."""
+    """A run, and whose; integrals: those found of its differential rows; table, events: where its rows and its
+    incidents went, where that are files."""
 
     identity: Identity
     run_state: RunState

@@ -14,8 +14,7 @@ CONTACT, STICKS = "contact-undecided", "motion-sticks"
 
 @frozen_value
 class Stop:
-    """The reason why a run ended before its end: the time reached, a sentence, and one of the codes of
-    `catalogue.stops`."""
+    """The reason why a run ended before its end: the time, a sentence, and one of the codes of `catalogue.stops`."""
 
     t: float
     reason: str

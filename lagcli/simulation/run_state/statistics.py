@@ -22,10 +22,9 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 class Incident:
     """An impact, contact, release or event of one name at an instant t, not counted from the origin of the run.
 
-    impulses: of all constraints at that instant, in the order of the columns `lambda.NAME` (C + K,), in units of
-    lambda times time; before, after: lines of the table without t (columns of `System.columns`,), then errors where the
-    table has them, the same for all incidents of one instant. The momenta jump by B^T Lambda + G^T Lambda_G (theory of
-    impacts).
+    impulses: of all constraints then, in the order of the columns `lambda.NAME` (C + K,), in units of lambda times
+    time: momenta jump by B^T Lambda + G^T Lambda_G; before, after: lines of the table without t, then errors where the
+    table has them.
     """
 
     t: float
@@ -47,11 +46,8 @@ class RankDrop:
 
 @frozen_value
 class Tally:
-    """Numbers of incidents up to some state.
-
-    incidents: all of them; instants: different times; impacts, releases, accumulations: of single contacts, several of
-    which may share an instant; last: time of the last one, None before.
-    """
+    """Numbers of incidents up to some state: of all, of different instants, and of impacts, releases and accumulations
+    of single contacts; last: time of the last one."""
 
     incidents: int = 0
     instants: int = 0
@@ -85,13 +81,12 @@ LAST_DIGITS = 16 * doubles.EPS
 
 @frozen_value
 class Extremes:
-    """Extremes over the rows of a run, each of which is a float; energies in the model's unit.
+    """Extremes over the rows of a run; energies in the model's unit.
 
-    position_drift, velocity_drift: largest |f_i| / |B_i|, |g_j| / |dg_j|, and |B_i v + b_i| / |B_i|
-    start: the Jacobi energy H less W at the first row, after an impact at the start; rest: its part without
-        velocities there
-    imbalance: largest |H(t) - start - W(t)|; moving, resting: largest |H - rest| and |rest - rest(start)|;
-    largest: largest |H| and |rest|; unbalanced: 1 where W is not known from some step on; penetration: largest -g_j
+    position_drift, velocity_drift: largest |f_i| / |B_i|, |g_j| / |dg_j|, and |B_i v + b_i| / |B_i|; start: the Jacobi
+    energy H less W at the first row; rest: its part without velocities there; imbalance: largest |H(t) - start - W(t)|;
+    moving, resting: largest |H - rest| and |rest - rest(start)|; largest: largest |H| and |rest|; unbalanced: 1 where W
+    is not known from some step on; penetration: largest -g_j.
     """
 
     start: float
@@ -111,13 +106,11 @@ NO_ROWS = Extremes(0.0, 0.0)
 
 @dataclasses.dataclass(slots=True, kw_only=True)
 class Counts:
-    """The counts of a run up to its state: a new one is a line here, and the run state, checkpoints and a resumed run
-    have it.
+    """The counts of a run up to its state, one a line: the run state, checkpoints and a resumed run have them.
 
-    steps are accepted ones; evaluations those of the right-hand side; notes: what there is to report on integrals that
-    are not enforced all the time; crossings: singular configurations that were passed; tally: of incidents up to the
-    state, reported: of those handed out before or standing in `RunStatistics.incidents`, which may be more where the
-    run was resumed from before them.
+    steps are accepted ones; evaluations: of the right-hand side; notes: on integrals that are not enforced all the
+    time; crossings: singular configurations passed; tally: of incidents up to the state; reported: of those handed out,
+    or standing in `RunStatistics.incidents`, maybe more where the run was resumed from before them.
     """
 
     steps: int = 0
@@ -143,8 +136,8 @@ def named(values: tuple[object, ...]) -> dict[str, Any]:
 class RunStatistics(Counts):
     """The account of a run; `extremes` is None before its first row.
 
-    `solve_seconds`: wall time; resting: the energy of `RestingForces`; ended_by: the name of the event that has ended
-    the run; is_balanced: whether the work W is known up to here.
+    resting: the energy of `RestingForces`; ended_by: the name of the event that has ended the run; is_balanced: whether
+    the work W is known up to here.
     """
 
     solve_seconds: float = 0.0
@@ -197,10 +190,8 @@ class RunStatistics(Counts):
 
     @property
     def energy_imbalance(self) -> float | None:
-        """Largest deviation from the energy balance, as a part of what was exchanged; None where it is not known.
-
-        For particles that is the largest T plus the largest change of V.
-        """
+        """Largest deviation from the energy balance, as a part of what was exchanged: for particles the largest T plus
+        the largest change of V; None where it is not known."""
         found = self.extremes
         if not self.is_balanced:
             return None

@@ -43,8 +43,8 @@ class BoundStep:
         self.t, self.h, self.scratch_t, self.status = map(cells, (t, h, scratch, status))
 
     def begin(self, t: float, k: Floats, row_step: float, is_blurred: bool | None = None) -> None:
-        """Stand at a time with a rate (2n + 1,), and look at rounding from there on where it counts; row_step: the time
-        between rows; is_blurred: whether it does, None where that is to be seen."""
+        """Stand at a time with a rate (2n + 1,); row_step: the time between rows; is_blurred: whether rounding counts
+        from there on, None where that is to be seen."""
         numeric, n = self.numeric, self.y.size // 2
         self.t[0], self.k[:] = t, k
         q, v = self.y[:n], self.y[n : 2 * n]
@@ -56,8 +56,7 @@ class BoundStep:
             self._roundings = [BoundFunction(numeric.state_roundings, [np.zeros(1), q, v, self.p])]
 
     def look_at_rounding(self) -> None:
-        """Note what the rounding of rows and forces makes at either end of the step to be tried, the less of both, if
-        it counts."""
+        """Note what the rounding of rows and forces makes at either end of the step to be tried, the less of both."""
         for roundings in self._roundings:
             ends = (self._rounded(roundings, t) for t in (self.t[0], self.t[0] + self.h[0]))
             self._blurred[:] = np.fmax(np.fmin(*ends), doubles.TINY)

@@ -70,11 +70,8 @@ def rising(t: float, y: Floats, h: float, slope: Floats) -> Step:
 
 
 def improved(project: BoundFunction, guess: Step, h: float, count: int, rtol: float) -> Step | None:
-    """The step from the begin of another, of length h with `count` nodes.
-
-    None where the iteration does not converge or a state cannot be projected. project: `NumericSystem.project` on
-    arrays (t, y, p).
-    """
+    """The step from the begin of another, of length h with `count` nodes; None where the iteration does not converge or
+    a state cannot be projected. project: `NumericSystem.project` on arrays (t, y, p)."""
     t, y = guess.t, guess.y
     nodes, A = gauss(count)
     slopes = np.array([guess.slope(x * h / guess.h) for x in nodes])
@@ -102,8 +99,8 @@ class _Mixing:
     """Anderson's acceleration of a fixed-point iteration x -> g(x): the combination of the last iterates whose change
     g(x) - x is least, mixed of their g(x) (Anderson, J. ACM 12 (1965) 547).
 
-    Close to where rows are dependent the projection turns an error of a state into one of its slope as large as
-    1/h: the plain iteration then contracts slowly or not at all, in a few directions, whatever the length of the step.
+    Close to dependent rows the projection turns an error of a state into one of its slope as large as 1/h: the plain
+    iteration then contracts slowly or not at all, whatever the length of the step.
     """
 
     def __init__(self, sizes: Floats) -> None:
@@ -183,7 +180,7 @@ def _integrals(count: int) -> Floats:
 
 @memory.remembered()
 def _terms(count: int) -> Floats:
-    """Lagrange polynomials of the nodes, (s,), in those of Legendre on (-1, 1): l_j = sum_k (k + 1/2) w_j P_k(x_j) P_k,
-    exact for the degrees at hand."""
+    """Lagrange polynomials of the nodes, (s,), in those of Legendre on (-1, 1): l_j = sum_k (k + 1/2) w_j P_k(x_j)
+    P_k."""
     nodes, weights = legendre.leggauss(count)
     return np.asarray(legendre.legvander(nodes, count - 1) * weights[:, None] * (np.arange(count) + 0.5))

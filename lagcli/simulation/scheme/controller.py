@@ -89,7 +89,7 @@ class StepController:
 
     def is_too_slow(self, t: float, end: float, row: float) -> float | None:
         """To be asked every `pace` steps: by how much they advanced, where that would never lead to the end, or to the
-        next row; row: the time between two of them."""
+        next row; row: the time between two."""
         advanced, self.pace_from = t - self.pace_from, t
         return advanced if is_hopeless(advanced, end - t, row) else None
 
@@ -102,9 +102,9 @@ def is_hopeless(advanced: float, left: float, row: float) -> bool:
 
 def first_step(rhs: BoundFunction, k: Floats, sizes: Floats, tolerance: Floats, order: int) -> float:
     """The length of the first step from where `rhs` stands on its arrays (t, y, p), with k = y'(t, y) (2n + 1,),
-    `parts.Sizes.packed` there (n + 3,), `step_tolerance.of_steps` (6,) and the order of the method.
+    `parts.Sizes.packed` there (n + 3,), `step_tolerance.of_steps` and the order of the method.
 
-    One evaluation of `rhs` is used, whose arguments are left as they were. The end of the run plays no part in it.
+    `rhs` is evaluated once, and its arguments are left as they were. The end of the run plays no part in it.
     """
     t = float(rhs.arguments[0][0])
     n = k.size // 2

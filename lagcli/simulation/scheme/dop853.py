@@ -89,8 +89,7 @@ class DormandPrince853:
 
 
 def _times(a: ca.MX | float, b: ca.MX) -> ca.MX:
-    """a b. By `MX.binary`: the operators of CasADi look for arrays of NumPy first, which takes ten times as long, and a
-    step has hundreds of products and sums."""
+    """a b. By `MX.binary`: the operators of CasADi look for arrays of NumPy first, which takes ten times as long."""
     return ca.MX.binary(ca.OP_MUL, a, b)
 
 
@@ -106,11 +105,11 @@ def _mix(weights: Sequence[float], stages: Sequence[ca.MX]) -> ca.MX:
 
 @memory.remembered()
 def _hidden() -> ca.Function:
-    """Smallest angle and smallest diagonal (2, 8) at the watched stages and at the end -> how far they are from having
-    gone through zero within the step and come back; below zero where they may have.
+    """Smallest angle and smallest diagonal (2, 8) at the watched stages and at the end -> below zero where they may
+    have gone through zero within the step and come back.
 
-    Their roots then go to zero and rise again in a line: lines through two of them lead below zero on the other side
-    of a gap, or one root is much smaller than both beside it.
+    Lines through two of their roots then lead below zero on the other side of a gap, or one is much smaller than both
+    beside it.
     """
     squares = ca.SX.sym("squares", 2, len(WATCHED) + 1)
     roots = ca.sqrt(ca.fmax(squares, 0.0))

@@ -45,10 +45,8 @@ NO_FORM = "no form of it without poles or jumps is known"
 
 
 class InvariantValue(NamedTuple):
-    """The surface on which an integral is enforced: the number of its chart, and what above and below were.
-
-    Both are divided by their hypotenuse, but for a chart with a period.
-    """
+    """The surface on which an integral is enforced: its chart, and what above and below were, both divided by their
+    hypotenuse but for a chart with a period."""
 
     chart: int
     above: float
@@ -74,8 +72,8 @@ class RunFunctions:
 class Integrals:
     """The integrals of one system, and its functions with any choice of their charts.
 
-    system: that they are of; selection: the independent rows that it is stepped with.
-    Raises as `level_functions.charts` where a chart is no expression of the system.
+    selection: the independent rows that it is stepped with. Raises as `level_functions.charts` where a chart is no
+    expression of the system.
     """
 
     def __init__(self, system: System, plain: RunFunctions, found: tuple[FirstIntegral, ...]) -> None:
@@ -213,11 +211,8 @@ class _Forms:
 
 @frozen
 class EnforcedInvariants:
-    """The integrals that a run enforces: a level of each of the integrals, or None where its velocity row alone keeps
-    it.
-
-    p: the parameters of the system.
-    """
+    """The integrals that a run enforces: a level of each, or None where its velocity row alone keeps it; p: the
+    parameters."""
 
     integrals: Integrals
     invariant_values: InvariantValues
@@ -267,8 +262,7 @@ class EnforcedInvariants:
 
 
 def begin(found: Integrals, state: State) -> tuple[EnforcedInvariants, tuple[str, ...]]:
-    """The integrals that can be enforced from a start, each in the best chart that serves there; notes on the
-    others."""
+    """The integrals that can be enforced from a start, each in the best chart that serves; notes on the others."""
     number = len(found.found)
     values, reasons = _chosen(found, [state], (None,) * number, range(number))
     notes = tuple(
@@ -321,11 +315,11 @@ def _chosen(
     wanted: Sequence[int],
     tried: Tried = frozenset(),
 ) -> tuple[InvariantValues, list[str]]:
-    """The levels of all integrals through a state, those that are `retained` as they are; and why one is not enforced,
-    empty where it is, or follows from what is enforced.
+    """The levels of all integrals through a state, those `retained` as they are; and why one is not enforced, empty
+    where it is, or follows from what is.
 
-    A level goes through the first of `states`, and its chart serves at all of them. wanted: the integrals to be
-    enforced; tried: charts that are passed over.
+    A level goes through the first of `states`, and its chart serves at all of them. wanted: to be enforced; tried:
+    charts that are passed over.
     """
     charts = [[c for c in range(len(f.charts)) if (i, c) not in tried] for i, f in enumerate(found.found)]
     levels, reasons = list(retained), ["" if level else NO_FORM for level in retained]
@@ -361,8 +355,8 @@ def _chosen(
 
 
 def _follows(found: Integrals, state: State, i: int, charts: list[tuple[int, int]]) -> bool:
-    """True if integral i depends on those that are enforced, all in these charts, beside the state too, so that they
-    hold it."""
+    """True if integral i depends on those that are enforced, in these charts, beside the state too, so that they hold
+    it."""
     numeric = found.functions(()).numeric
     surface = projection.Surface(numeric, state.t, state.p, initial.metric_at(numeric, state))
     size = float(np.abs(state.q).max(initial=0.0)) or 1.0

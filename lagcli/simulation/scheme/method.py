@@ -36,7 +36,7 @@ class Method(Protocol):
     """One step from y to a state on the constraints, and the states between.
 
     name: that users know it by; order: the error of a step is of order + 1 in h; evaluations: of y' in a step, and
-    dense_evaluations in the dense output; dense_rows: coefficients of the dense output for each number of the state.
+    dense_evaluations in the dense output; dense_rows: its coefficients for each number of the state.
     """
 
     name: str
@@ -74,8 +74,8 @@ def of(chosen: Simulation) -> Method:
 
 
 class Scheme:
-    """The compiled functions of a method for one system, each built when a run first asks for it: its step and dense
-    output, and rows of the table with what the account asks of them, whatever the method."""
+    """The compiled functions of a method for one system, each built when a run first asks for it: its step, dense
+    output, and rows of the table with what the account asks of them."""
 
     def __init__(self, method: Method, numeric: NumericSystem) -> None:
         self._method, self._numeric = method, numeric
@@ -115,8 +115,7 @@ class Scheme:
         equations at the fraction x of a step from y, times h, as a part of what the tolerance allows the largest
         component of (q, v).
 
-        It is no less than the error of a step that has missed a force at that time, and of the order of the dense
-        output in h otherwise.
+        It is no less than the error of a step that has missed a force then, else of the order of the dense output in h.
         """
         numeric, method = self._numeric, self._method
         size, parameters = step_end.sizes_of(numeric)

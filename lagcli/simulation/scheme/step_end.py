@@ -73,8 +73,8 @@ class StepInputs(NamedTuple):
 
 
 class StepEnd(NamedTuple):
-    """The state on the constraints and its derivative (2n + 1,) each, the status of `NumericSystem.project`, and
-    error, moved, error of W (3,) as in `method.Method.step`."""
+    """The state on the constraints and its derivative (2n + 1,), the status of `NumericSystem.project`, and error,
+    moved, error of W (3,) as in `method.Method.step`."""
 
     projected: ca.MX
     k_new: ca.MX
@@ -126,8 +126,8 @@ def ended(
 
 
 def _amplified(n: int, smallest_angle: ca.MX, sizes: ca.MX, h: ca.MX) -> ca.MX:
-    """The rounding of a step (2n + 1,) on rows that are nearly dependent, nothing where they are not: their
-    forces are known no better, however short it is."""
+    """The rounding of a step (2n + 1,) on rows that are nearly dependent, 0 on others: their forces are known no
+    better."""
     units, a = sizes[:n], sizes[n + 2]
     delta = ca.sqrt(smallest_angle + doubles.TINY)
     gained = ca.if_else(delta < PARAMETERS.close, PARAMETERS.amplified / delta**3, 0.0) * h * a
@@ -135,11 +135,9 @@ def _amplified(n: int, smallest_angle: ca.MX, sizes: ca.MX, h: ca.MX) -> ca.MX:
 
 
 def _within(near_t: ca.MX | float, h: ca.MX, states: tuple[ca.MX, ca.MX, ca.MX]) -> ca.MX:
-    """By how much the rounding of the time counts: 1, and more where a step of a few roundings holds a jump.
-
-    A jump changes velocities by next to nothing in such a step, or is what sets a body at rest in motion. A pole does
-    neither: it must be met. states: y, and y' at both ends.
-    """
+    """By how much the rounding of the time counts: 1, and more where a step of a few roundings holds a jump, which
+    changes velocities by next to nothing, or sets a body at rest in motion. A pole does neither. states: y, and y' at
+    both ends."""
     y, k, k_new = states
     n = y.numel() // 2
     gained, speed = h * ca.mmax(ca.fabs(k_new - k)[n : 2 * n]), ca.mmax(ca.fabs(y[n : 2 * n]))
@@ -148,8 +146,7 @@ def _within(near_t: ca.MX | float, h: ca.MX, states: tuple[ca.MX, ca.MX, ca.MX])
 
 
 def _judge(sort: type[Expression], size: int, count: int, combined: Combined) -> ca.Function:
-    """judge(y, new, projected, h, sizes, tolerance, noise, blur, estimates) -> (error, moved, error of W), written out
-    for a short state.
+    """judge(y, new, projected, h, sizes, tolerance, noise, blur, estimates) -> (error, moved, error of W).
 
     noise, blur (2n + 1,): what the rounding of t makes of the error, and of the state; of estimates there are `count`.
     """
@@ -181,8 +178,8 @@ def _judge(sort: type[Expression], size: int, count: int, combined: Combined) ->
 def scales(
     states: Sequence[Expression], h: Expression, sizes: Expression, tolerance: Expression
 ) -> Expression:
-    """The sizes that errors of (q, v) are compared with (2n,): expressions of the states (2n + 1,) at both ends of a
-    step of length h, of `parts.Sizes.packed` at its end, and of `step_tolerance.of_steps`."""
+    """The sizes that errors of (q, v) are compared with (2n,): of the states (2n + 1,) at both ends of a step of length
+    h, `parts.Sizes.packed` at its end, and `step_tolerance.of_steps`."""
     n = (states[0].numel() - 1) // 2
     rtol, atol, part, rounding, resting, _, _, blurred = (tolerance[i] for i in range(tolerances.COUNT))
     units, (q, v, a) = sizes[:n], (sizes[n + i] for i in range(3))
@@ -209,11 +206,8 @@ def scales(
 
 
 def _moved(by: Expression, scale: Expression, sizes: Expression) -> Expression:
-    """The way the projection moved (q, v), as a part of what it may.
-
-    A step that is right to the tolerance lies about as close to the constraints. One that is moved much farther has
-    come to another branch, or to no motion at all.
-    """
+    """The way the projection moved (q, v), as a part of what it may: a step that is right lies about as close to the
+    constraints, and one that is moved much farther has come to another branch, or to no motion at all."""
     n2 = scale.numel()
     n = n2 // 2
     units = sizes[:n]

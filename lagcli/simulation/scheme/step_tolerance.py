@@ -71,10 +71,11 @@ COUNT, BLURRED, UNIT = 8, slice(5, 8), doubles.EPS / 2
 
 def of_steps(settings: Simulation, balanced: float = 0.0) -> Floats:
     """(rtol, atol, part, rounding, balanced, blurred (3,)): the error of a step is compared with rtol |y| + atol, plus
-    these parts of sizes. Without `atol` it is zero; with it `part` is, and `rounding` counts only where atol is below
-    that of positions: no step can be held closer. balanced: the acceleration of `RestingForces`, the rounding of which
-    is allowed; blurred: positions, velocities and accelerations that are rounding of rows and forces, noted for each
-    step where they count.
+    these parts of sizes.
+
+    Without `atol` it is zero; with it `part` is, and `rounding` counts only where atol is below that of positions.
+    balanced: the acceleration of `RestingForces`, whose rounding is allowed; blurred: positions, velocities and
+    accelerations that are rounding of rows and forces, noted for each step where they count.
     """
     rtol = max(settings.rtol / PARAMETERS.tightening, min(settings.rtol, PARAMETERS.finest))
     tightened = rtol / settings.rtol
@@ -99,8 +100,8 @@ def sentence(settings: Simulation) -> str:
 
 @frozen_value
 class RestingForces:
-    """acceleration: that the largest term of h would make, in the units of `parts.Sizes`, 0 where the forces do not
-    balance within h; energy: of the forces over the size of q. Both are 0 where the start moves."""
+    """acceleration: that the largest term of h would make, 0 where the forces do not balance within h, in the units of
+    `parts.Sizes`; energy: of the forces over the size of q. Both are 0 where the start moves."""
 
     acceleration: float
     energy: float
@@ -129,8 +130,8 @@ def resting_forces(system: System, numeric: NumericSystem) -> RestingForces:
 
 
 def is_blurred(numeric: NumericSystem, state: State, row_step: float) -> bool:
-    """True where positions, velocities or accelerations are small beside the terms, in t, of the rows and forces that
-    make them, at a state or soon after it: their rounding is what they are known to."""
+    """True where positions, velocities or accelerations at a state, or soon after it, are small beside the terms in t
+    of the rows and forces that make them: they are known to the rounding of these."""
     if not (numeric.has_time and state.q.size):
         return False
     for t in (state.t, state.t + doubles.ROOT * row_step):

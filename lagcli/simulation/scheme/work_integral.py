@@ -112,8 +112,8 @@ def within(
 class WorkIntegral:
     """The integral of a power over a step, to a relative tolerance of the energies at hand.
 
-    powers(times (k,)) -> the power at each (k,), and an energy, such as the largest of the motion there; None where
-    they have no value. perturbed: the same at states that are moved by their rounding.
+    powers(times (k,)) -> the power at each (k,), and an energy such as the largest of the motion there, or None;
+    perturbed: the same at states that are moved by their rounding.
     """
 
     def __init__(self, powers: Powers, rtol: float, perturbed: Powers | None = None) -> None:
