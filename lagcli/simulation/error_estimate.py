@@ -19,12 +19,14 @@ import numpy.typing as npt
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
 from lagcli.model.settings import Simulation
-from lagcli.simulation.incident_sides import ImpactGrowth, IncidentSides
 from lagcli.simulation.run_state.statistics import Incident
 from lagcli.simulation.scheme import step_tolerance
 
 if TYPE_CHECKING:
     from lagcli.simulation.loop import Run
+
+Floats = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 KINDS = ("r", "v", "lambda", "R")
 _NAMES = ("positions", "velocities", "multipliers", "R")
@@ -130,7 +132,6 @@ class Accuracy:
         }
 
 
-Floats = npt.NDArray[np.float64]
 # Of the kinds, positions and velocities: multipliers and forces jump where the model says so.
 STATES = [0, 1]
 
@@ -273,6 +274,100 @@ def columns_of_kinds(system: System) -> tuple[list[int], ...]:
         (*(f"R.{name}.{axis}" for name in particles for axis in "xyz"), *(f"R.{q}" for q in generalized)),
     )
     return tuple([at[name] for name in names] for names in named)
+
+
+# Incidents whose times are off by the errors of both runs: a row between them has the velocities before an impact in
+# the one and those after it in the other, which tells nothing about how well either is known.
+COMPARED = ("impact", "contact", "release", "accumulation")
+LATE = 1e-4  # of the time since the start: incidents that differ by more are no longer the same
+# Errors that grow by powers of time come to less than GROWN times from half of the impacts on; FEWEST are needed.
+GROWN, FEWEST = 30.0, 6
+
+
+class IncidentSides:
+    """The incidents of two runs, taken as they come, and the rows between those that belong together: how many `rows`
+    there were, and the time of the `first`."""
+
+    def __init__(self) -> None:
+        self.rows = 0
+        self.first: float | None = None
+        self._start: float | None = None
+        self._pending: dict[tuple[str, str], tuple[list[float], list[float]]] = {}
+
+    def add(self, side: int, incidents: Sequence[Incident]) -> None:
+        """Incidents of the run (0) or of the repeated one (1), in the order of time."""
+        for one in incidents:
+            if one.kind in COMPARED:
+                self._pending.setdefault((one.kind, one.name), ([], []))[side].append(one.t)
+
+    def between(self, t: Floats) -> Flags:
+        """True for rows at times t (k,) between the incidents of both runs, all of which are known up to the last
+        row."""
+        found = np.zeros(len(t), dtype=bool)
+        if not len(t):
+            return found
+        start = self._start = float(t[0]) if self._start is None else self._start
+        late = LATE * (t - start)
+        for sides in self._pending.values():
+            one, other = (np.searchsorted(side, t, "right") for side in sides)
+            for k in np.flatnonzero(one != other).tolist():
+                ahead = sides[0] if one[k] > other[k] else sides[1]
+                found[k] |= t[k] - ahead[min(one[k], other[k])] <= late[k]
+            # What belongs together is left out, and what has had no other for long.
+            count = min(int(one[-1]), int(other[-1]))
+            for side in sides:
+                del side[:count]
+                del side[: int(np.searchsorted(side, float(t[-1]) - float(late[-1]), "left"))]
+        return self._counted(t, found)
+
+    def beside(self, t: Floats) -> Flags:
+        """As `between`, for a table whose own incidents are not known: rows next to one of the repeated run."""
+        start = self._start = float(t[0]) if self._start is None and len(t) else self._start
+        found = np.zeros(len(t), dtype=bool)
+        for _, times in self._pending.values():
+            for at in times:
+                found |= np.abs(t - at) <= LATE * LATE * (t - (start or 0.0))
+            times[:] = [at for at in times if len(t) and at > t[-1]]
+        return self._counted(t, found)
+
+    def _counted(self, t: Floats, found: Flags) -> Flags:
+        if found.any() and self.first is None:
+            self.first = float(t[int(np.argmax(found))])
+        self.rows += int(found.sum())
+        return found
+
+
+class ImpactGrowth:
+    """The distance of positions as the impacts go on."""
+
+    def __init__(self) -> None:
+        self._gaps: list[float] = []  # behind so many instants of impacts
+        self._last: float | None = None
+        self._count = 0
+
+    def take(self, t: Floats, gaps: Floats, incidents: Sequence[Incident]) -> None:
+        """Rows t (k,), the largest distance of positions up to each (k,), and the incidents that came with them."""
+        times = []
+        for one in incidents:
+            if one.kind == "impact" and one.t != self._last:
+                self._last = one.t
+                times.append(one.t)
+        if not times or not len(t):
+            return
+        rows = np.minimum(np.searchsorted(t, times, "left"), len(t) - 1)
+        self._gaps += gaps[rows].tolist()
+        self._count += len(times)
+
+    def factor(self, floor: float) -> float | None:
+        """By how much an impact makes errors grow, where they grow exponentially; floor: what is rounding alone."""
+        gaps = np.array(self._gaps)
+        if len(gaps) < FEWEST:
+            return None
+        half = len(gaps) // 2
+        begin = max(float(gaps[half]), floor)
+        if gaps[-1] < GROWN * begin:
+            return None
+        return float((gaps[-1] / begin) ** (1 / (len(gaps) - 1 - half)))
 
 
 class Errors:

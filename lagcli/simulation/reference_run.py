@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import collections
 import dataclasses
 import functools
-from collections.abc import Iterator
+import itertools
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.simulation import error_estimate, loop
-from lagcli.simulation.error_estimate import Accuracy
-from lagcli.simulation.incident_sides import IncidentErrors
+from lagcli.simulation.error_estimate import LATE, Accuracy
 from lagcli.simulation.loop import Run, RunBlock
 from lagcli.simulation.row_writer import TableRows
 from lagcli.simulation.run_state.between_steps import RunState
@@ -43,10 +44,8 @@ class RunWithReference:
         window = error_estimate.window(run.grid.count) if begin.enforced.has_time else 0
         relative = settings.rtol + step_tolerance.absolute(settings, 1.0) * (settings.atol is None)
         parted = error_estimate.Parting(window, relative, settings.atol or 0.0)
-        self.columns_of_kinds, factor = (
-            error_estimate.columns_of_kinds(system),
-            error_estimate.safety(settings),
-        )
+        self.columns_of_kinds = error_estimate.columns_of_kinds(system)
+        factor = error_estimate.safety(settings)
         self._errors = error_estimate.Errors(self.columns_of_kinds, factor, parted)
         self._at_incidents = IncidentErrors(self.columns_of_kinds, factor)
         self._last: Floats | None = None  # t and errors of the row before the block
@@ -74,9 +73,8 @@ class RunWithReference:
         for again in self._ahead:
             others = again.rows
             part = rows[known : known + len(others)]
-            if len(part) < len(others) or not np.allclose(
-                part[:, 0], others[:, 0], rtol=doubles.VALUE, atol=0
-            ):
+            times = part[:, 0], others[: len(part), 0]
+            if len(part) < len(others) or not np.allclose(*times, rtol=doubles.VALUE, atol=0):
                 return None
             self._errors.sides.add(1, again.incidents)
             self._errors.take(part, others, None)
@@ -134,3 +132,54 @@ class RunWithReference:
         run_state = self._mark or self._run.run_state()
         reported = functools.reduce(Tally.plus, self._incidents, run_state.reported)
         return dataclasses.replace(run_state, row=self._cut, reported=reported)
+
+
+class IncidentErrors:
+    """Incidents of the repeated run that wait for those of the run, in their order by kind and name.
+
+    kinds: the columns of each kind in a row of the table; factor: on the distance of the two runs.
+    """
+
+    def __init__(self, kinds: tuple[list[int], ...], factor: float) -> None:
+        self._kinds, self._factor = kinds, factor
+        self._waiting: dict[tuple[str, str], collections.deque[Incident]] = {}
+
+    def add(self, incidents: Sequence[Incident]) -> None:
+        """Incidents of the repeated run, in the order of time."""
+        for one in incidents:
+            self._waiting.setdefault((one.kind, one.name), collections.deque()).append(one)
+
+    def extended(self, incidents: Sequence[Incident], start: float, rows: Floats) -> list[Incident]:
+        """Incidents of the run in the order of time, their lines with errors (4,) at the end.
+
+        start: the time of the first row; rows (k, 5): times with the errors up to each. An error is the larger of that
+        at the row before and that at the incident, nan where the repeated run has no such incident by then.
+        """
+        found = []
+        for t, group in itertools.groupby(incidents, key=lambda incident: incident.t):
+            reported, partners, late = list(group), list[Incident](), LATE * (t - start)
+            for one in reported:
+                waiting = self._waiting.get((one.kind, one.name), collections.deque())
+                while waiting and waiting[0].t < t - late:
+                    waiting.popleft()
+                if waiting and waiting[0].t <= t + late:
+                    partners.append(waiting.popleft())
+            row = int(np.searchsorted(rows[:, 0], t, "left")) - 1
+            least = rows[row, 1:] if row >= 0 else np.zeros(len(self._kinds))
+            before = after = np.full(len(self._kinds), np.nan)
+            if len(partners) == len(reported):
+                partners.sort(key=lambda incident: incident.t)
+                before = np.maximum(least, self._errors(reported[0].before, partners[0].before))
+                after = np.maximum(before, self._errors(reported[-1].after, partners[-1].after))
+            for one in reported:
+                lines = np.append(one.before, before), np.append(one.after, after)
+                found.append(dataclasses.replace(one, before=lines[0], after=lines[1]))
+        return found
+
+    def _errors(self, line: Floats, other: Floats) -> Floats:
+        """The largest distance of two lines for each kind; they have no t, and what has no value does not count."""
+        with np.errstate(invalid="ignore"):
+            gaps = np.abs(line - other)
+        gaps[~np.isfinite(gaps)] = 0.0
+        largest = [gaps[np.array(at, dtype=int) - 1].max(initial=0.0) for at in self._kinds]
+        return np.asarray(self._factor * np.array(largest))

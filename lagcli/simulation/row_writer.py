@@ -115,13 +115,8 @@ class RowWriter:
         row_time = run.row_time
         if step.work is None and row_time < before and step.is_ordinary:
             # Nearly all rows of nearly all tables are such: what they do not need is not asked for.
-            lines, time, origin, begun, first = (
-                self._lines,
-                self.grid.time,
-                run.origin,
-                self._filled,
-                self.next_row,
-            )
+            lines, time, origin = self._lines, self.grid.time, run.origin
+            begun, first = self._filled, self.next_row
             trigger, at, x, line, cells = rows.inside.trigger, rows.at, rows.x, rows.line, rows.cells
             run.trial.make_dense()
             filled = begun
@@ -211,10 +206,8 @@ class RowWriter:
         if not self._names or not len(rows):
             return 0.0
         plain = self._stepper.bound.enforced.plain
-        gaps, y = (
-            plain.functions.numeric.gaps,
-            np.zeros((plain.functions.numeric.gaps.size1_in(1), len(rows))),
-        )
+        gaps = plain.functions.numeric.gaps
+        y = np.zeros((gaps.size1_in(1), len(rows)))
         y[: len(self._positions)] = rows[:, self._positions].T
         p = np.asarray(plain.p)[: gaps.size1_in(2)]
         g = np.array(gaps(rows[:, :1].T, y, np.repeat(p[:, None], len(rows), axis=1)))

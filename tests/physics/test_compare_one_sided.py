@@ -9,8 +9,7 @@ import lagcli
 from lagcli.formulations import comparison
 from lagcli.formulations.comparison import RunEvent
 from lagcli.simulation import error_estimate
-from lagcli.simulation.error_estimate import Accuracy
-from lagcli.simulation.incident_sides import ImpactGrowth, IncidentSides
+from lagcli.simulation.error_estimate import Accuracy, ImpactGrowth, IncidentSides
 from lagcli.simulation.run_state.statistics import Incident, Kind
 
 BOX = """\

@@ -91,17 +91,17 @@ class Extremes:
 
     start: float
     rest: float
-    position_drift: float = 0.0
-    velocity_drift: float = 0.0
-    imbalance: float = 0.0
-    moving: float = 0.0
-    resting: float = 0.0
-    largest: float = 0.0
-    unbalanced: float = 0.0
-    penetration: float = 0.0
+    position_drift: float
+    velocity_drift: float
+    imbalance: float
+    moving: float
+    resting: float
+    largest: float
+    unbalanced: float
+    penetration: float
 
 
-NO_ROWS = Extremes(0.0, 0.0)
+NO_ROWS = Extremes(*[0.0] * len(dataclasses.fields(Extremes)))
 
 
 @dataclasses.dataclass(slots=True, kw_only=True)
@@ -171,8 +171,8 @@ class RunStatistics(Counts):
         position, velocity, jacobi, rest, work = rows.T
         found = self.extremes
         if found is None:
-            unbalanced = float(not self.is_balanced)
-            found = Extremes(float(jacobi[0]) - float(work[0]), float(rest[0]), unbalanced=unbalanced)
+            start, unbalanced = float(jacobi[0]) - float(work[0]), float(not self.is_balanced)
+            found = dataclasses.replace(NO_ROWS, start=start, rest=float(rest[0]), unbalanced=unbalanced)
 
         def size(values: Floats) -> float:
             return float(np.abs(values).max())
@@ -192,11 +192,9 @@ class RunStatistics(Counts):
     def energy_imbalance(self) -> float | None:
         """Largest deviation from the energy balance, as a part of what was exchanged: for particles the largest T plus
         the largest change of V; None where it is not known."""
-        found = self.extremes
+        found = self.extremes or NO_ROWS
         if not self.is_balanced:
             return None
-        if found is None:
-            return 0.0
         sizes = max(found.largest, self.resting)
         moved = found.moving + found.resting
         exchanged = moved + ENERGY_ROUNDOFF * sizes
