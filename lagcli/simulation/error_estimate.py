@@ -137,11 +137,9 @@ STATES = [0, 1]
 
 
 class PartingParameters:
-    """The rows between which the repeated run goes apart from the first; distances are parts of the scale. In
-    chaos that takes eleven times the time in which errors grow e-fold.
-
-    The tests are of `tests/unit/test_numbers_of_starts.py`.
-    """
+    """The rows between which the repeated run goes apart from the first; distances are parts of the scale. In chaos
+    that takes eleven times the time in which errors grow e-fold. The tests are of
+    `tests/unit/test_numbers_of_starts.py`."""
 
     __slots__ = ()
 
@@ -205,10 +203,8 @@ class Parting:
 
 
 class RepeatedRunParameters:
-    """The repeated run, and what the distance of the two says of the error.
-
-    The tests are of `tests/unit/test_numbers_of_steps.py`.
-    """
+    """The repeated run, and what the distance of the two says of the error. The tests are of
+    `tests/unit/test_numbers_of_steps.py`."""
 
     __slots__ = ()
 

@@ -139,8 +139,7 @@ class RowWriter:
             row_time = run.row_time
             rows.at[0] = run.origin + row_time
             if step.is_still:
-                rows.scratch.arguments[1][:] = run.bound.y
-                rows.scratch.trigger()
+                rows.put(rows.at[0], run.bound.y)
             elif step.singular_step is not None:
                 from lagcli.simulation.stepping import interpolate_rows
 
@@ -183,7 +182,7 @@ class RowWriter:
     def _put_line(self, step: FoundStep | None = None) -> None:
         """Write the line at hand as the next row, within a step or where the run stands."""
         run, line = self._stepper, self._stepper.trial.rows.line
-        if not math.isfinite(run.trial.rows.cells[-1]) and (step is None or step.crossing is None):
+        if not math.isfinite(run.trial.rows.cells[-1]) and (step is None or step.singular_step is None):
             if step is not None and run.row_time < step.reached:
                 self._limit_row(step)
             bad = np.flatnonzero(~np.isfinite(line[:-1]))

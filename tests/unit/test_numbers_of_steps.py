@@ -339,9 +339,9 @@ def looks_for_the_instant(monkeypatch):
             asked.append((h, nodes))
             return step
 
-        def instant(project, step_, guess, width):
+        def instant(root, guess, width):
             shift = next(left, None)
-            return None if shift is None else (guess.instant * (1 + shift), 1.0)
+            return None if shift is None else (guess * (1 + shift), 1.0)
 
         monkeypatch.setattr(singularity_step.collocation, "rising", lambda *_: step)
         monkeypatch.setattr(singularity_step.collocation, "improved", improved)
@@ -380,7 +380,9 @@ def test_a_step_from_a_singular_start_is_halved_thirty_times(monkeypatch):
 def test_all_distances_from_the_instant_are_tried_from_close_by(angle, places, monkeypatch):
     tried = []
     monkeypatch.setattr(singularity_step, "_placed", lambda *given: tried.append(given[-1]))
-    assert singularity_step._step_across(None, None, Prediction(1.0, 1, angle=angle)) is None
+    monkeypatch.setattr(singularity_step, "_others", lambda *_: None)
+    here = SimpleNamespace(t=0.0, y=NOTHING, state=lambda t, y: None)
+    assert singularity_step.across(None, None, here, Prediction(1.0, 1, angle=angle)) is None
     assert len(tried) == places
     assert tried[0] == 0.5
     assert max(tried) < 1
@@ -414,15 +416,14 @@ class Roots:
     def __init__(self, root):
         self.root, self.times = root, []
 
-    def __call__(self, project, step, place, at):
+    def __call__(self, at):
         self.times.append(at)
         return self.root(at)
 
 
-def test_the_instant_is_read_closer_and_closer(monkeypatch):
+def test_the_instant_is_read_closer_and_closer():
     roots = Roots(abs)
-    monkeypatch.setattr(singularity_step, "_root", roots)
-    singularity_step._instant(None, None, Prediction(0.0, 1), 1.0)
+    singularity_step._instant(roots, 0.0, 1.0)
     away = np.abs(roots.times)
     assert away.max() == pytest.approx(0.3)
     assert away.min() == pytest.approx(0.001)
@@ -430,26 +431,24 @@ def test_the_instant_is_read_closer_and_closer(monkeypatch):
 
 
 @pytest.mark.parametrize(("bend", "is_found"), [(0.03, True), (0.5, False)])
-def test_the_smallest_angle_is_a_line_through_zero(bend, is_found, monkeypatch):
-    monkeypatch.setattr(singularity_step, "_root", Roots(lambda t: abs(t) * (1 + bend * (abs(t) > 0.03))))
-    found = singularity_step._instant(None, None, Prediction(0.0, 1), 1.0)
+def test_the_smallest_angle_is_a_line_through_zero(bend, is_found):
+    found = singularity_step._instant(lambda t: abs(t) * (1 + bend * (abs(t) > 0.03)), 0.0, 1.0)
     assert (found is not None) is is_found
 
 
 @pytest.mark.parametrize(("at", "is_alone"), [(0.01, True), (0.4, False), (0.99, True), (1.4, False)])
-def test_the_smallest_angle_falls_all_the_way_to_the_instant(at, is_alone, monkeypatch):
+def test_the_smallest_angle_falls_all_the_way_to_the_instant(at, is_alone):
     # A second zero is seen where it is looked for.
-    monkeypatch.setattr(
-        singularity_step, "_root", Roots(lambda t: abs(1 - t) if abs(t - at) > 0.005 else 0.0)
-    )
-    step = SimpleNamespace(t=0.0, h=2.0)
-    assert singularity_step._is_only_one(None, step, 1, 1.0) is is_alone
+    def root(t):
+        return abs(1 - t) if abs(t - at) > 0.005 else 0.0
+
+    assert singularity_step._is_only_one(root, SimpleNamespace(t=0.0, h=2.0), 1.0) is is_alone
 
 
 @pytest.mark.parametrize(("off", "is_along"), [(3e-6, True), (3e-5, False)])
 def test_a_step_from_a_singular_start_has_its_velocities(off, is_along, monkeypatch):
     step = SimpleNamespace(state=lambda x: np.zeros(3), slope=lambda x: np.array([1.0 + off, 0, 0]))
-    monkeypatch.setattr(singularity_step, "_start", lambda *_: SimpleNamespace(step=step))
+    monkeypatch.setattr(singularity_step, "_start", lambda *_: step)
     monkeypatch.setattr(singularity_step, "loss", lambda *_: "loss")
     state = State(0.0, np.zeros(1), np.ones(1), NOTHING)
     here = SimpleNamespace(t=0.0, y=np.zeros(3), state=lambda t, y: state, tolerance=np.zeros(6))
@@ -462,11 +461,11 @@ def test_a_step_from_a_singular_start_has_its_velocities(off, is_along, monkeypa
 
 
 @pytest.mark.parametrize(("tau", "lines"), [(0.03, 8), (0.3, 1)])
-def test_lines_close_to_the_instant_are_read_off_others(tau, lines, monkeypatch):
+def test_lines_close_to_the_instant_are_read_off_others(tau, lines):
     asked = []
-    monkeypatch.setattr(interpolate_rows, "_put_scratch", lambda run, at, step: asked.append(at))
-    rows = SimpleNamespace(line=np.ones(20), at=np.zeros(1))
-    across = SimpleNamespace(step=None, instant=0.0, width=1.0, is_start=False)
+    rows = SimpleNamespace(line=np.ones(20), at=np.zeros(1), put=lambda t, y: asked.append(t))
+    step = SimpleNamespace(t=0.0, h=1.0, state=lambda x: None)
+    across = SimpleNamespace(step=step, instant=0.0, width=1.0, is_start=False)
     interpolate_rows.put_in_singular_step(
         SimpleNamespace(trial=SimpleNamespace(rows=rows), origin=0.0), across, tau
     )

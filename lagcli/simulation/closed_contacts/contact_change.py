@@ -217,10 +217,8 @@ def opening(here: ContactInstant, among: Flags) -> Flags:
 
 
 class GradientParameters:
-    """Thresholds at which the gradient of a gap vanishes or jumps; distances are parts of the size of the motion.
-
-    The tests are of `tests/unit/test_numbers_of_steps.py`.
-    """
+    """Thresholds at which the gradient of a gap vanishes or jumps; distances are parts of the size of the motion. The
+    tests are of `tests/unit/test_numbers_of_steps.py`."""
 
     __slots__ = ()
 

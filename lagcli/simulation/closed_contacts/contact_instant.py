@@ -26,10 +26,8 @@ Numbers = npt.NDArray[np.intp]
 
 
 class InstantParameters:
-    """Forces, speeds and distances that count as none at an instant; parts are of no unit.
-
-    The tests are of `tests/unit/test_numbers_of_starts.py`.
-    """
+    """Forces, speeds and distances that count as none at an instant; parts are of no unit. The tests are of
+    `tests/unit/test_numbers_of_starts.py`."""
 
     __slots__ = ()
 
@@ -194,9 +192,11 @@ class ContactInstant:
 
     def gap_changes(self, way: float) -> Floats:
         """Changes of g (K,) that a displacement by this way makes, which is counted as the size."""
-        values = self.values
-        moved = np.abs(self._entries * self.units[values.column]) * way
-        return np.asarray(np.bincount(values.row, moved, minlength=values.count))
+        return self._summed(np.abs(self._entries * self.units[self.values.column]) * way)
+
+    def _summed(self, terms: Floats) -> Floats:
+        """The sums (K,) of what each entry of G gives."""
+        return np.asarray(np.bincount(self.values.row, terms, minlength=self.values.count))
 
     @property
     def speed_roundoff(self) -> Floats:
@@ -227,15 +227,11 @@ class ContactInstant:
 
     def changes(self, x: Floats) -> Floats:
         """G x (K,)."""
-        values = self.values
-        moved = self._entries * x[values.column]
-        return np.asarray(np.bincount(values.row, moved, minlength=values.count))
+        return self._summed(self._entries * x[self.values.column])
 
     def sizes_of_changes(self, x: Floats) -> Floats:
         """|G| |x| (K,)."""
-        values = self.values
-        moved = np.abs(self._entries * x[values.column])
-        return np.asarray(np.bincount(values.row, moved, minlength=values.count))
+        return self._summed(np.abs(self._entries * x[self.values.column]))
 
     def gradients(self, contacts: Numbers) -> Sparse:
         """The rows of G of some contacts, (k, n)."""

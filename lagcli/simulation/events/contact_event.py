@@ -100,7 +100,7 @@ class ContactEvent(Event):
     def found(self, step: FoundStep) -> Cut | None:
         """See `Event`."""
         run = self._stepper
-        if step.is_still or step.crossing is not None:
+        if step.is_still or step.singular_step is not None:
             return self._cut(self._met_at_switch(step) if step.is_still else self._met_across(step))
         watch, contacts = self._current(), run.contacts
         limit = min(t for _, t in contacts.ending) if contacts.ending else math.inf

@@ -67,16 +67,12 @@ class IncidentLog:
 
     def line(self) -> Floats:
         """The line of the state where the run stands, with time, figures and W."""
-        rows = self._run.trial.rows
-        rows.at[0] = self._run.origin + self._run.t
-        rows.begin.trigger()
-        return rows.line.copy()
+        return self.line_of(self._run.t, self._run.bound.y)
 
     def line_of(self, t: float, y: Floats) -> Floats:
         """The line of another state of the run (2n + 1,), at a time counted as its own."""
         rows = self._run.trial.rows
-        rows.at[0], rows.scratch.arguments[1][:] = self._run.origin + t, y
-        rows.scratch.trigger()
+        rows.put(self._run.origin + t, y)
         return rows.line.copy()
 
     def incident(self, t: float, kind: Kind, name: str, sides: InstantLines) -> Incident:

@@ -19,7 +19,7 @@ from lagcli.simulation.stepping.stepper import Stepper
 
 if TYPE_CHECKING:
     # Loaded where they are used: most runs meet no singular configuration.
-    from lagcli.simulation.singularity.singularity_step import Crossing, Point
+    from lagcli.simulation.singularity.singularity_step import Point, SingularStep
 
 
 class SingularEvent(Event):
@@ -60,10 +60,10 @@ class SingularEvent(Event):
             return self._passes_without_integrals()
         return None
 
-    def _across(self, crossed: Crossing) -> FoundStep:
+    def _across(self, singular_step: SingularStep) -> FoundStep:
         """The step across, with an incident for each row that takes part; none where the run begins."""
-        run, singular_step = self._stepper, crossed.singular_step
-        step = run.across(crossed)
+        run = self._stepper
+        step = run.across(singular_step)
         if singular_step.is_start:
             return step
         from lagcli.simulation.stepping import interpolate_rows
@@ -73,7 +73,7 @@ class SingularEvent(Event):
         lines = InstantLines(run.trial.rows.line.copy(), run.trial.rows.line.copy())
         incidents = (
             self._log.incident(singular_step.instant, "crossing", names[row], lines)
-            for row in crossed.loss.participants
+            for row in singular_step.loss.participants
         )
         return step._replace(within=tuple(incidents))
 
@@ -106,9 +106,9 @@ class SingularEvent(Event):
         project = BoundFunction(plain.project, [np.zeros(1), np.zeros(bound.y.size), enforced.parameters])
         found = singularity_step.across(plain, project, self._point, run.watch.foreseen)
         run.count(project.used)
-        if not isinstance(found, singularity_step.Crossing):
+        if not isinstance(found, singularity_step.SingularStep):
             return None
-        step = found.singular_step.step
+        step = found.step
         reached, new = step.t + step.h, step.state(1.0)
         if collocation.projected(bound.scratch, reached, new) is not None:
             return self._across(found)

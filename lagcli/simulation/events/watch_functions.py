@@ -56,8 +56,7 @@ class WatchFunctions:
     @cached_property
     def watched(self) -> Compiled:
         """watched(t, y, p) -> w (W,)."""
-        size, parameters = step_end.sizes_of(self._numeric)
-        t, y, p = ca.MX.sym("t"), ca.MX.sym("y", size), ca.MX.sym("p", parameters)
+        t, y, p = step_end.symbols(self._numeric, "t y p")
         own = p[: self._numeric.gaps.size1_in(2)]
         values = [self._numeric.gaps(t, y, own)[self._open]] if self._open else []
         if self._closed or self._events:
@@ -73,9 +72,8 @@ class WatchFunctions:
     @cached_property
     def moving(self) -> Compiled:
         """moving(t, y, y', p) -> w and dw/dt, (W,) each, of a curve through y at t."""
-        size, parameters = step_end.sizes_of(self._numeric)
-        t, y, p = ca.MX.sym("t"), ca.MX.sym("y", size), ca.MX.sym("p", parameters)
-        rate, tau = ca.MX.sym("rate", size), ca.MX.sym("tau")
+        t, y, p, rate = step_end.symbols(self._numeric, "t y p rate")
+        tau = ca.MX.sym("tau")
         w = self.watched(t + tau, y + tau * rate, p)
         slope = ca.densify(ca.substitute(ca.jtimes(w, tau, ca.MX(1)), tau, ca.MX(0)))
         return SizedFunction("moving", [t, y, rate, p], [self.watched(t, y, p), slope])
@@ -86,9 +84,8 @@ class WatchFunctions:
 
         A gap may have no slope at a point, as a distance that is 0 there: what it does beside it counts, and it is 0.
         """
-        size, parameters = step_end.sizes_of(self._numeric)
-        t, h, x, y = ca.MX.sym("t"), ca.MX.sym("h"), ca.MX.sym("x"), ca.MX.sym("y", size)
-        coefficients, p = ca.MX.sym("c", size, self._method.dense_rows), ca.MX.sym("p", parameters)
+        t, h, x, y, p = step_end.symbols(self._numeric, "t h x y p")
+        coefficients = ca.MX.sym("c", y.numel(), self._method.dense_rows)
         w = self.watched(t + x * h, self._method.interpolated(y, coefficients, x), p)
         slope = ca.densify(ca.jtimes(w, x, ca.MX(1)))
         slope = ca.if_else(ca.fabs(slope) <= LARGEST, slope, 0)
@@ -129,10 +126,8 @@ class WatchFunctions:
         two intervals are off at the node between, and no less than a part of how much they bend: a distance that turns
         round between two points may leave no more trace.
         """
-        size, parameters = step_end.sizes_of(self._numeric)
-        t, h, p = ca.MX.sym("t"), ca.MX.sym("h"), ca.MX.sym("p", parameters)
-        y, k, new, k_new = (ca.MX.sym(name, size) for name in ("y", "k", "new", "k_new"))
-        x, arguments = ca.MX.sym("x"), [t, h, y, k, new, k_new, p]
+        x, *arguments = step_end.symbols(self._numeric, "x t h y k new k_new p")
+        t, h, y, k, new, k_new, p = arguments
         w = self.watched(t + x * h, _quintic(x, h, (y, k), (new, k_new)), p)
         at = SizedFunction("node", [x, *arguments], [w, ca.jtimes(w, x, ca.MX(1))])
         values, slopes = zip(*(at(node, *arguments) for node in NODES), strict=True)

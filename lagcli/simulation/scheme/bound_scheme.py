@@ -106,3 +106,8 @@ class BoundRows:
         self.end = BoundFunction(scheme.line_at, [at, bound.new, p], given=given)
         self.line = given[0]
         self.at, self.x, self.cells = cells(at), cells(x), cells(self.line)
+
+    def put(self, t: float, y: Floats) -> None:
+        """Write the line of another state (2n + 1,)."""
+        self.at[0], self.scratch.arguments[1][:] = t, y
+        self.scratch.trigger()

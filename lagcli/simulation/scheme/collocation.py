@@ -22,10 +22,8 @@ Floats = npt.NDArray[np.float64]
 
 
 class CollocationParameters:
-    """The iteration for a step of Gauss, and when it has converged; parts are of no unit.
-
-    The tests are of `tests/unit/test_numbers_of_schemes.py`.
-    """
+    """The iteration for a step of Gauss, and when it has converged; parts are of no unit. The tests are of
+    `tests/unit/test_numbers_of_schemes.py`."""
 
     __slots__ = ()
 
@@ -128,10 +126,7 @@ class _Mixing:
 
 def _sizes(project: BoundFunction, t: float, y: Floats) -> Floats:
     """Sizes (2n + 1,) by which changes of y are judged: those of positions, of velocities and of an energy."""
-    at, state = project.arguments[:2]
-    at[0], state[:] = t, y
-    project.trigger()
-    project.used += 1
+    _trigger(project, t, y)
     # At a singular start no velocity is projected.
     n = y.size // 2
     packed = np.nan_to_num(project.results[3])
@@ -149,14 +144,18 @@ def sizes_of(packed: Floats) -> Floats:
 
 def projected(project: BoundFunction, t: float, y: Floats) -> Floats | None:
     """y' where a state lands on the constraints, or None where it does not."""
-    at, state = project.arguments[:2]
-    at[0], state[:] = t, y
-    project.trigger()
-    project.used += 1
+    _trigger(project, t, y)
     status = project.results[2]
     if not np.isfinite(status[-1]) or not status[0] <= doubles.ZERO:
         return None
     return project.results[1]
+
+
+def _trigger(project: BoundFunction, t: float, y: Floats) -> None:
+    at, state = project.arguments[:2]
+    at[0], state[:] = t, y
+    project.trigger()
+    project.used += 1
 
 
 @memory.remembered()

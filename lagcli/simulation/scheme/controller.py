@@ -18,10 +18,8 @@ Floats = npt.NDArray[np.float64]
 
 
 class StepLengthParameters:
-    """The length of steps; parts are of no unit.
-
-    The tests are of `tests/unit/test_numbers_of_steps.py` and `tests/unit/test_step_length.py`.
-    """
+    """The length of steps; parts are of no unit. The tests are of `tests/unit/test_numbers_of_steps.py` and
+    `tests/unit/test_step_length.py`."""
 
     __slots__ = ()
 
@@ -75,17 +73,13 @@ class StepController:
 
     def smaller(self, taken: float, error: float, is_known: bool) -> float:
         """The step to be tried after one that was rejected; is_known: for its error, of 1 or more."""
-        part: float = (
-            min(0.9, max(PARAMETERS.shrink, PARAMETERS.safety * error**self._exponent)) if is_known else 0.25
-        )
-        return taken * part
+        wished: float = PARAMETERS.safety * error**self._exponent if is_known else 0.25
+        return taken * min(0.9, max(PARAMETERS.shrink, wished))
 
     def grown(self, taken: float, error: float, most: float) -> float:
         """The step to be tried after one that was accepted, no more than `most` times as long."""
-        part: float = min(
-            most, max(PARAMETERS.shrink, PARAMETERS.safety * max(error, 1e-10) ** self._exponent)
-        )
-        return taken * part
+        wished: float = PARAMETERS.safety * max(error, 1e-10) ** self._exponent
+        return taken * min(most, max(PARAMETERS.shrink, wished))
 
     def is_too_slow(self, t: float, end: float, row: float) -> float | None:
         """To be asked every `pace` steps: by how much they advanced, where that would never lead to the end, or to the

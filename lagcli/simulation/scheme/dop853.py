@@ -69,7 +69,7 @@ class DormandPrince853:
     def dense(self, numeric: NumericSystem) -> ca.Function:
         """See `method.Method.dense`."""
         t, h, y, k, _, p = step_end.inputs(numeric)
-        new, k_new = (ca.MX.sym(name, y.numel()) for name in ("new", "k_new"))
+        new, k_new = step_end.symbols(numeric, "new k_new")
         given = [k, *(ca.MX.sym(f"k{i}", y.numel()) for i in range(2, dop853_tableau.STAGES + 1))]
         stages = [*given, k_new]
         for extra, row in enumerate(dop853_tableau.A_DENSE):

@@ -16,7 +16,7 @@ from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.model import settings
 from lagcli.model.settings import Simulation
-from lagcli.simulation.scheme import dop853, step_end, step_tolerance
+from lagcli.simulation.scheme import dop853, step_end
 from lagcli.simulation.scheme.step_end import Compiled, Curve
 from lagcli.smoothness.sized_function import SizedFunction
 
@@ -93,18 +93,16 @@ class Scheme:
     @cached_property
     def line_at(self) -> Compiled:
         """line_at(t, y, p) -> t, the row of the table, the figures of `statistics`, W and a sum of them all."""
-        size, parameters = step_end.sizes_of(self._numeric)
-        t, y, p = ca.MX.sym("t"), ca.MX.sym("y", size), ca.MX.sym("p", parameters)
+        t, y, p = step_end.symbols(self._numeric, "t y p")
         _, row, extremes = self._numeric.record.call([t, y, p], *INLINED)
-        line = ca.vertcat(t, row, extremes, y[size - 1])
+        line = ca.vertcat(t, row, extremes, y[y.numel() - 1])
         return SizedFunction("line_at", [t, y, p], [ca.vertcat(line, ca.sum1(line))])
 
     @cached_property
     def line_inside(self) -> Compiled:
         """line_inside(t, x, y, coefficients, p) -> what `line_at` gives at the fraction x of a step from y."""
-        size, parameters = step_end.sizes_of(self._numeric)
-        t, x, y = ca.MX.sym("t"), ca.MX.sym("x"), ca.MX.sym("y", size)
-        coefficients, p = ca.MX.sym("coefficients", size, self._method.dense_rows), ca.MX.sym("p", parameters)
+        t, x, y, p = step_end.symbols(self._numeric, "t x y p")
+        coefficients = ca.MX.sym("coefficients", y.numel(), self._method.dense_rows)
         state = self._method.interpolated(y, coefficients, x)
         line = self.line_at.call([t, state, p], *INLINED)
         return SizedFunction("line_inside", [t, x, y, coefficients, p], line)
@@ -118,18 +116,14 @@ class Scheme:
         It is no less than the error of a step that has missed a force then, else of the order of the dense output in h.
         """
         numeric, method = self._numeric, self._method
-        size, parameters = step_end.sizes_of(numeric)
-        t, x, h = ca.MX.sym("t"), ca.MX.sym("x"), ca.MX.sym("h")
-        y, coefficients = ca.MX.sym("y", size), ca.MX.sym("coefficients", size, method.dense_rows)
-        tolerance, p = ca.MX.sym("tolerance", step_tolerance.COUNT), ca.MX.sym("p", parameters)
+        t, x, h, y, tolerance, p = step_end.symbols(numeric, "t x h y tolerance p")
+        coefficients, n = ca.MX.sym("coefficients", y.numel(), method.dense_rows), numeric.n
         state = method.interpolated(y, coefficients, x)
         rate = numeric.rhs(t, state, p)
         off = ca.fabs(ca.jtimes(state, x, ca.MX(1)) - h * rate)
         noise = doubles.EPS * (ca.fabs(t) + ca.fabs(h)) * ca.fabs(rate)
-        n = size // 2
-        own = numeric.sizes.numel_in(
-            3
-        )  # the constants of levels that are enforced come behind the parameters
+        # The constants of levels that are enforced come behind the parameters.
+        own = numeric.sizes.numel_in(3)
         sizes = numeric.sizes(t, state[:n], state[n : 2 * n], p[:own])
         scale = step_end.scales((y, state), h, sizes, tolerance) + noise[: 2 * n]
         worst = ca.mmax(off[: 2 * n] / scale) if n else ca.MX(0)

@@ -21,10 +21,8 @@ from lagcli.smoothness.sized_function import SizedFunction
 
 
 class StepEndParameters:
-    """The end of a step, and what counts as its error; parts are of no unit.
-
-    The tests are of `tests/unit/test_numbers_of_steps.py`.
-    """
+    """The end of a step, and what counts as its error; parts are of no unit. The tests are of
+    `tests/unit/test_numbers_of_steps.py`."""
 
     __slots__ = ()
 
@@ -89,15 +87,13 @@ class StepEnd(NamedTuple):
 
 def inputs(numeric: NumericSystem) -> StepInputs:
     """Symbols for the arguments of a step."""
-    size, parameters = sizes_of(numeric)
-    t, h = ca.MX.sym("t"), ca.MX.sym("h")
-    y, k = ca.MX.sym("y", size), ca.MX.sym("k", size)
-    return StepInputs(t, h, y, k, ca.MX.sym("tolerance", tolerances.COUNT), ca.MX.sym("p", parameters))
+    return StepInputs(*symbols(numeric, "t h y k tolerance p"))
 
 
-def sizes_of(numeric: NumericSystem) -> tuple[int, int]:
-    """The numbers of a state, 2n + 1, and of parameters."""
-    return 2 * numeric.n + 1, numeric.rhs.size1_in(2)
+def symbols(numeric: NumericSystem, names: str) -> list[ca.MX]:
+    """Symbols of some names: for p, the tolerance, for t, h and x, which are numbers, and for states (2n + 1,)."""
+    sizes = {"t": 1, "h": 1, "x": 1, "tolerance": tolerances.COUNT, "p": numeric.rhs.size1_in(2)}
+    return [ca.MX.sym(name, sizes.get(name, 2 * numeric.n + 1)) for name in names.split()]
 
 
 def ended(

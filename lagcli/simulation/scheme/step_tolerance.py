@@ -30,10 +30,8 @@ STAIRS = 1e-2
 
 
 class ToleranceParameters:
-    """From the tolerances of a run to those of a step; parts are of no unit.
-
-    The tests are of `tests/unit/test_numbers_of_steps.py`.
-    """
+    """From the tolerances of a run to those of a step; parts are of no unit. The tests are of
+    `tests/unit/test_numbers_of_steps.py`."""
 
     __slots__ = ()
 

@@ -25,10 +25,8 @@ Powers = Callable[[Floats], tuple[Floats, float] | None]
 
 
 class WorkParameters:
-    """Panels of the work of a step, and the error with which it is known; parts are of no unit.
-
-    The tests are of `tests/unit/test_numbers_of_schemes.py`.
-    """
+    """Panels of the work of a step, and the error with which it is known; parts are of no unit. The tests are of
+    `tests/unit/test_numbers_of_schemes.py`."""
 
     __slots__ = ()
 

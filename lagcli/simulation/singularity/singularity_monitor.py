@@ -16,10 +16,8 @@ from lagcli.simulation.scheme import step_end
 
 
 class MonitorParameters:
-    """Thresholds at which a singular configuration is predicted.
-
-    The tests are of `tests/unit/test_numbers_of_steps.py`.
-    """
+    """Thresholds at which a singular configuration is predicted. The tests are of
+    `tests/unit/test_numbers_of_steps.py`."""
 
     __slots__ = ()
 

@@ -9,8 +9,10 @@ middle, where no node lies. Where other rows would lose nothing there these are 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import math
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
@@ -29,14 +31,14 @@ from lagcli.simulation.singularity.singularity_monitor import SMALLEST_ANGLE, Pr
 from lagcli.start.initial import State, metric_at
 
 Floats = npt.NDArray[np.float64]
+# The root of the smallest angle at a time in a step.
+Root = Callable[[float], float]
 
 
 class SingularStepParameters:
-    """Parts are of no unit; a distance delta is the angle between rows, in radians.
-
-    The tests are of `tests/physics/test_contacts_at_poles.py` and `tests/physics/test_crossing.py` and
-    `tests/unit/test_numbers_of_steps.py`.
-    """
+    """Parts are of no unit; a distance delta is the angle between rows, in radians. The tests are of
+    `tests/physics/test_contacts_at_poles.py` and `tests/physics/test_crossing.py` and
+    `tests/unit/test_numbers_of_steps.py`."""
 
     __slots__ = ()
 
@@ -104,10 +106,11 @@ class Point:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class SingularStep:
-    """A step across an instant at which rows are dependent."""
+    """A step across an instant at which rows are dependent, and what they lose there."""
 
     step: collocation.Step
     instant: float
+    loss: RankDrop
 
     @property
     def width(self) -> float:
@@ -127,45 +130,41 @@ class SingularStep:
         return self.step.state((self.instant - self.step.t) / self.step.h)
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Crossing:
-    """A step across, and what the rows lose at the instant."""
-
-    singular_step: SingularStep
-    loss: RankDrop
-
-
 def across(
     numeric: NumericSystem, project: BoundFunction, here: Point, predicted: Prediction
-) -> Crossing | Selection | None:
+) -> SingularStep | Selection | None:
     """The step across what is predicted, or other independent rows to go on with, or None: an ordinary step goes on.
 
     project: `NumericSystem.project` on arrays (t, y, p) of its own. Other rows are taken where those at hand become
-    dependent and others do not.
+    dependent and others do not. A step that begins close to the instant is long beyond it, for rounding is amplified
+    close to it.
     """
-    found = _step_across(project, here, predicted)
+    parts = PARAMETERS.parts if predicted.angle < PARAMETERS.too_close else PARAMETERS.parts[:1]
+    placed = (_placed(project, here, predicted, part) for part in parts)
+    found, begin = next((each for each in placed if each is not None), None), here.state(here.t, here.y)
     if found is None:
-        return _others(numeric, here.state(here.t, here.y))
-    there = here.state(found.instant, found.middle)
+        return _others(numeric, begin)
+    step, instant = found
+    there = here.state(instant, step.state((instant - step.t) / step.h))
     others = _others(numeric, there)
     if others is not None:
         return others
-    lost = loss(numeric, here.state(here.t, here.y), there, here.tolerance[0])
-    return Crossing(found, lost) if lost is not None else None
+    lost = loss(numeric, begin, there, here.tolerance[0])
+    return SingularStep(step, instant, lost) if lost is not None else None
 
 
-def away(numeric: NumericSystem, project: BoundFunction, here: Point, h: float) -> Crossing | None:
+def away(numeric: NumericSystem, project: BoundFunction, here: Point, h: float) -> SingularStep | None:
     """The first step, of length h or shorter, from a singular configuration along the branch that the velocities
     choose; None where no smooth motion has them."""
     start = here.state(here.t, here.y)
     for _ in range(PARAMETERS.halvings):
-        found = _start(project, here, h)
-        if found is not None:
-            lost = loss(numeric, here.state(here.t + h, found.step.state(1.0)), start, here.tolerance[0])
+        step = _start(project, here, h)
+        if step is not None:
+            lost = loss(numeric, here.state(here.t + h, step.state(1.0)), start, here.tolerance[0])
             units = np.array(numeric.sizes(start.t, start.q, start.v, start.p)).ravel()[: start.v.size]
-            off = float((np.abs(found.step.slope(0.0)[: start.v.size] - start.v) / units).max())
+            off = float((np.abs(step.slope(0.0)[: start.v.size] - start.v) / units).max())
             is_along = off <= PARAMETERS.same_velocity * float((np.abs(start.v) / units).max())
-            return Crossing(found, lost) if lost is not None and is_along else None
+            return SingularStep(step, here.t, lost) if lost is not None and is_along else None
         h /= 2
     return None
 
@@ -178,20 +177,11 @@ def _others(numeric: NumericSystem, state: State) -> Selection | None:
     return independent_rows.elsewhere(numeric.selection, rows, numeric.holonomic.size1_out(0))
 
 
-def _step_across(project: BoundFunction, here: Point, predicted: Prediction) -> SingularStep | None:
-    """The step across the instant, or None where there is none that is right to the tolerance.
-
-    A step that begins close to the instant is long beyond it, for rounding is amplified close to it.
-    """
-    for part in PARAMETERS.parts if predicted.angle < PARAMETERS.too_close else PARAMETERS.parts[:1]:
-        found = _placed(project, here, predicted, part)
-        if found is not None:
-            return found
-    return None
-
-
-def _placed(project: BoundFunction, here: Point, predicted: Prediction, part: float) -> SingularStep | None:
-    """The step with the instant at this part of it, where no node is near."""
+def _placed(
+    project: BoundFunction, here: Point, predicted: Prediction, part: float
+) -> tuple[collocation.Step, float] | None:
+    """The step with the instant at this part of it, where no node is near, and the instant; None where it is not right
+    to the tolerance."""
     t, y, k, tolerance = here.t, here.y, here.k, here.tolerance
     instant, rtol = predicted.instant, tolerance[0]
     step = collocation.rising(t, y, (instant - t) / part, k)
@@ -203,22 +193,23 @@ def _placed(project: BoundFunction, here: Point, predicted: Prediction, part: fl
         if better is None:
             return None
         step = better
-        found = _instant(project, step, predicted._replace(instant=instant), 2 * part * h)
+        root = functools.partial(_root, project, step, predicted.component)
+        found = _instant(root, instant, 2 * part * h)
         if found is None:
             return None
         if abs(found[0] - instant) <= PARAMETERS.centered * part * h:
-            if not _is_only_one(project, step, predicted.component, found[0]):
+            if not _is_only_one(root, step, found[0]):
                 return None
             fewer = collocation.improved(project, step, h, MONITOR.fewer_nodes, rtol)
             closest = float(np.abs(collocation.gauss(PARAMETERS.nodes)[0] - part).min())
             delta = found[1] * h * closest / predicted.most
             agree = fewer is not None and _agree(project, (step, fewer), tolerance, delta)
-            return SingularStep(step, found[0]) if agree else None
+            return (step, found[0]) if agree else None
         instant = found[0]
     return None
 
 
-def _start(project: BoundFunction, here: Point, h: float) -> SingularStep | None:
+def _start(project: BoundFunction, here: Point, h: float) -> collocation.Step | None:
     """A step from a start at which rows are dependent, or None where h is too long or no motion goes on smoothly."""
     t, y, tolerance = here.t, here.y, here.tolerance
     n = y.size // 2
@@ -230,7 +221,7 @@ def _start(project: BoundFunction, here: Point, h: float) -> SingularStep | None
     if step is None or fewer is None:
         return None
     delta = _root(project, step, SMALLEST_ANGLE, t + h * float(collocation.gauss(PARAMETERS.nodes)[0][0]))
-    return SingularStep(step, t) if delta > 0 and _agree(project, (step, fewer), tolerance, delta) else None
+    return step if delta > 0 and _agree(project, (step, fewer), tolerance, delta) else None
 
 
 def _agree(
@@ -251,39 +242,32 @@ def _agree(
     return bool((np.abs(new - other) <= allowed).all())
 
 
-def _instant(
-    project: BoundFunction, step: collocation.Step, guess: Prediction, width: float
-) -> tuple[float, float] | None:
+def _instant(root: Root, instant: float, width: float) -> tuple[float, float] | None:
     """The instant at which the smallest angle vanishes within a width around a guess, and the slope of its root there;
     None where it does not vanish in a line."""
-    instant, (*looks, closest) = guess.instant, PARAMETERS.looks
+    *looks, closest = PARAMETERS.looks
     for offset in looks:
-        looked = _beside(project, step, guess.component, instant, offset, width)
+        looked = _beside(root, instant, offset, width)
         if looked is None:
             return None
         taus, roots, zero, slope = looked
         instant += zero
     if np.any(np.abs(roots - abs(slope) * np.abs(taus - zero)) > PARAMETERS.bent * roots):
         return None
-    looked = _beside(project, step, guess.component, instant, closest, width)
+    looked = _beside(root, instant, closest, width)
     if looked is not None:
         instant += looked[2]
     return instant, abs(slope)
 
 
 def _beside(
-    project: BoundFunction,
-    step: collocation.Step,
-    component: int,
-    instant: float,
-    offset: float,
-    width: float,
+    root: Root, instant: float, offset: float, width: float
 ) -> tuple[Floats, Floats, float, float] | None:
     """Times beside an instant (4,), roots of the smallest angle there, and the zero between them with its slope;
     None where there is none."""
     offsets = np.array([offset, 2 * offset]) * width
     taus = np.concatenate([-offsets[::-1], offsets])
-    roots = np.array([_root(project, step, component, instant + tau) for tau in taus])
+    roots = np.array([root(instant + tau) for tau in taus])
     signed = roots * np.sign(-taus)
     if not (np.isfinite(roots).all() and signed[1] > 0 > signed[2]):
         return None
@@ -315,10 +299,10 @@ def _zero(x: Floats, y: Floats) -> tuple[float, float]:
     return zero, slope
 
 
-def _is_only_one(project: BoundFunction, step: collocation.Step, component: int, instant: float) -> bool:
+def _is_only_one(root: Root, step: collocation.Step, instant: float) -> bool:
     """True if the smallest angle falls to the instant all the way and rises all the way after it: there is no other."""
     for begin, end in ((step.t, instant), (step.t + step.h, instant)):
-        roots = [_root(project, step, component, begin + x * (end - begin)) for x in PARAMETERS.along_step]
+        roots = [root(begin + x * (end - begin)) for x in PARAMETERS.along_step]
         if not all(after < before for before, after in itertools.pairwise(roots)):
             return False
     return True

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     # Most runs meet no singular configuration, and in most W needs no integral of its own.
     from lagcli.simulation.scheme.work_integral import Work
-    from lagcli.simulation.singularity.singularity_step import Crossing, SingularStep
+    from lagcli.simulation.singularity.singularity_step import SingularStep
 
 
 class FoundStep(NamedTuple):
@@ -23,7 +23,7 @@ class FoundStep(NamedTuple):
     reached, taken, proposed: its end, its length and the step to be tried after it; watch: what is seen of the rows at
     its end; rejected: steps that were tried before it.
     is_jump: its end is an incident, beyond which the state is another; is_still: it leads over a switch, where the
-    state stays the same; crossing: of one across a singular configuration; work: W within it, where its stages were too
+    state stays the same; singular_step: of one across; work: W within it, where its stages were too
     few for it, and is_balanced: not where that was not found; barrier: where something jumps, the end of the run.
     within: incidents in it that do not end it; deepest: the largest -g_j that its end shows; acts: what is done once
     the run stands at its end; at_end: what is done in place of that where the run ends with it.
@@ -36,7 +36,7 @@ class FoundStep(NamedTuple):
     rejected: int = 0
     is_jump: bool = False
     is_still: bool = False
-    crossing: Crossing | None = None
+    singular_step: SingularStep | None = None
     work: Work | None = None
     is_balanced: bool = True
     barrier: Jump | None = None
@@ -46,14 +46,9 @@ class FoundStep(NamedTuple):
     at_end: tuple[Callable[[], None], ...] = ()
 
     @property
-    def singular_step(self) -> SingularStep | None:
-        """The curve of a step across a singular configuration."""
-        return None if self.crossing is None else self.crossing.singular_step
-
-    @property
     def is_ordinary(self) -> bool:
         """True for a step of the scheme."""
-        return not self.is_still and self.crossing is None
+        return not self.is_still and self.singular_step is None
 
 
 class Cut(NamedTuple):

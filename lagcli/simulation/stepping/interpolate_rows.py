@@ -17,7 +17,6 @@ from lagcli.simulation.stepping.stepper import Stepper
 
 if TYPE_CHECKING:
     # Most runs meet no singular configuration.
-    from lagcli.simulation.scheme import collocation
     from lagcli.simulation.singularity.singularity_step import SingularStep
 
 
@@ -27,10 +26,8 @@ DRIFTS = slice(-method.BEYOND, -method.BEYOND + 2)
 
 
 class InterpolationParameters:
-    """Rows at and beside a singular configuration; distances are parts of the step.
-
-    The tests are of `tests/unit/test_numbers_of_steps.py`.
-    """
+    """Rows at and beside a singular configuration; distances are parts of the step. The tests are of
+    `tests/unit/test_numbers_of_steps.py`."""
 
     __slots__ = ()
 
@@ -115,22 +112,19 @@ def between(lines: Floats) -> Floats:
 def put_in_singular_step(run: Stepper, across: SingularStep, at: float) -> None:
     """Write the line at a time within the step; close to the instant it is the limit from both sides."""
     rows, step, tau = run.trial.rows, across.step, at - across.instant
+
+    def put(at: float) -> None:
+        rows.put(run.origin + at, step.state((at - step.t) / step.h))
+
     if abs(tau) > PARAMETERS.window * across.width:
-        _put_scratch(run, at, step)
+        put(at)
         return
     taus = beside(across.width, across.is_start)
     lines = []
     for other in taus:
-        _put_scratch(run, across.instant + other, step)
+        put(across.instant + other)
         lines.append(rows.line.copy())
     found = np.array(lines)
     rows.line[:] = interpolated(taus, found, tau)
     rows.line[DRIFTS] = found[:, DRIFTS].max(axis=0)
     rows.line[0] = rows.at[0] = run.origin + at
-
-
-def _put_scratch(run: Stepper, at: float, step: collocation.Step) -> None:
-    rows = run.trial.rows
-    rows.at[0] = run.origin + at
-    rows.scratch.arguments[1][:] = step.state((at - step.t) / step.h)
-    rows.scratch.trigger()

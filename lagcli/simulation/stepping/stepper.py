@@ -30,7 +30,7 @@ from lagcli.start.initial import State
 
 if TYPE_CHECKING:
     # Most runs meet no singular configuration.
-    from lagcli.simulation.singularity.singularity_step import Crossing
+    from lagcli.simulation.singularity.singularity_step import SingularStep
 
 Floats = npt.NDArray[np.float64]
 
@@ -228,13 +228,13 @@ class Stepper:
         self.trial.put_end(y, k)
         return FoundStep(reached, reached - self.t, self.control.step, self.watch, is_still=True)
 
-    def across(self, crossing: Crossing) -> FoundStep:
+    def across(self, singular_step: SingularStep) -> FoundStep:
         """A step across a singular configuration."""
-        step = crossing.singular_step.step
+        step = singular_step.step
         reached = step.t + step.h
         status = self.trial.project_end(reached, step.state((reached - step.t) / step.h))
         watch = self.watch.after(reached, status[1], status[2])
-        return FoundStep(reached, step.h, self.control.step, watch, crossing=crossing)
+        return FoundStep(reached, step.h, self.control.step, watch, singular_step=singular_step)
 
     @property
     def rank_margin(self) -> tuple[float, bool]:
@@ -321,11 +321,11 @@ class Stepper:
             statistics.mark_work_unknown()
         if step.deepest > self.contacts.deepest:
             self.contacts = dataclasses.replace(self.contacts, deepest=step.deepest)
-        if step.crossing is not None:
-            if step.crossing.singular_step.instant > self.t:
+        if step.singular_step is not None:
+            if step.singular_step.instant > self.t:
                 self.watch = SingularityMonitor()  # it is to be seen again: the step has ended before
             else:
-                loss = step.crossing.loss
+                loss = step.singular_step.loss
                 statistics.crossings += (dataclasses.replace(loss, t=self.origin + loss.t),)
         last = self.origin + min(step.reached, self.grid.end)
         for incident in sorted(step.within, key=lambda incident: incident.t):

@@ -40,10 +40,7 @@ Floats = npt.NDArray[np.float64]
 
 class StopParameters:
     """Bounds of what is reported as the reason of a stop; distances along the motion are parts of the size of the
-    configuration.
-
-    The tests are of `tests/unit/test_numbers_of_stops.py` and `tests/unit/test_numbers_of_steps.py`.
-    """
+    configuration. The tests are of `tests/unit/test_numbers_of_stops.py` and `tests/unit/test_numbers_of_steps.py`."""
 
     __slots__ = ()
 

@@ -24,10 +24,8 @@ Floats = npt.NDArray[np.float64]
 
 
 class TimetableParameters:
-    """The fineness in which the time is looked through for switches and stations.
-
-    The tests are of `tests/unit/test_numbers_of_schemes.py`.
-    """
+    """The fineness in which the time is looked through for switches and stations. The tests are of
+    `tests/unit/test_numbers_of_schemes.py`."""
 
     __slots__ = ()
 
