@@ -136,30 +136,12 @@ class Accuracy:
 STATES = [0, 1]
 
 
-class PartingParameters:
-    """The rows between which the repeated run goes apart from the first; distances are parts of the scale. In chaos
-    that takes eleven times the time in which errors grow e-fold. The tests are of
-    `tests/unit/test_numbers_of_starts.py`."""
-
-    __slots__ = ()
-
-    factor: float = 1e5
-    """The distance of the runs grows by this factor. `test_runs_go_apart_where_their_distance_grows_too_fast`."""
-    least: float = 1e-7
-    """To this or more: the factor of any rounding is less. `test_runs_go_apart_where_their_distance_grows_too_fast`."""
-    part: float = 0.01
-    """Within this part of the run. `test_runs_go_apart_within_a_hundredth_of_the_rows`."""
-    tolerances: float = 1e3
-    """And to so many tolerances. `test_runs_go_apart_where_their_distance_grows_too_fast`."""
-
-
-PARTING = PartingParameters()
 COLUMNS = tuple(f"err.{kind}" for kind in KINDS)
 
 
 def window(count: int) -> int:
     """The rows within which runs go apart, of a table with so many."""
-    return max(1, math.ceil(PARTING.part * count))
+    return max(1, math.ceil(PARAMETERS.part * count))
 
 
 class Parting:
@@ -179,9 +161,8 @@ class Parting:
     @property
     def found(self) -> tuple[float, float] | None:
         """The times of the rows between which it grew."""
-        least = np.maximum(
-            PARTING.least * self._sizes, PARTING.tolerances * (self._atol + self._rtol * self._sizes)
-        )
+        known = PARAMETERS.tolerances * (self._atol + self._rtol * self._sizes)
+        least = np.maximum(PARAMETERS.least * self._sizes, known)
         return self._interval if (self._grown > least).any() else None
 
     def take(self, t: Floats, gaps: Floats, sizes: Floats) -> None:
@@ -191,7 +172,7 @@ class Parting:
         times, gaps = np.concatenate([self._t, t]), np.vstack([self._gaps, gaps[:, STATES]])
         now, before = gaps[self._window :], gaps[: -self._window]
         size = sizes[len(sizes) - len(now) :, STATES]
-        jumps = (now > PARTING.least * size) & (now > PARTING.factor * before)
+        jumps = (now > PARAMETERS.least * size) & (now > PARAMETERS.factor * before)
         for i in np.flatnonzero(jumps.any(axis=1)).tolist():
             begin, end = float(times[i]), float(times[i + self._window])
             # Rows of one rise are one interval; what grows again by so much leaves the interval before far behind.
@@ -209,24 +190,31 @@ class RepeatedRunParameters:
     __slots__ = ()
 
     tighter: float = 250.0
-    """The part of the tolerance of the first run that the steps of the repeated run have.
-    `test_steps_of_the_repeated_run_have_a_smaller_tolerance`."""
+    """The part of the tolerance of the first run that it has. `test_a_repeated_run_has_a_smaller_tolerance`."""
     first_step: float = 0.45
-    """It begins with this part of the first step of the other: the first step, and those that grow from it as fast as
-    they may, do not always depend on the tolerance, and two runs with the same steps have the same errors.
-    `test_the_repeated_run_begins_with_a_shorter_step`."""
+    """It begins with this part of the first step, which the tolerance may not change: equal steps err alike.
+    `test_a_repeated_run_begins_shorter`."""
     finest: float = 3e-15
-    """The relative tolerance below which the error estimate of a step is nothing but rounding, and steps only get
-    shorter. `test_steps_of_the_repeated_run_have_a_smaller_tolerance`."""
+    """The relative tolerance below which the error estimate is rounding.
+    `test_a_repeated_run_has_a_smaller_tolerance`."""
     nearly: float = 3.0
-    """A run with a tolerance of less than so many times the finest cannot be repeated with less error: it is with more.
-    `test_a_run_that_cannot_be_repeated_with_less_error_is_with_more`."""
+    """Of a tolerance below so many times the finest. `test_a_fine_run_is_repeated_with_more_error`."""
     safety: tuple[tuple[float, float], ...] = ((0.99e-12, 1.0), (0.99e-13, 1.5), (0.0, 3.0))
-    """The estimate is the distance of the runs times the factor of the first line that the tolerance of a step reaches.
-    Two errors may agree by chance: rarely where one is a hundredth of the other, more often where both are sums of
-    rounding. `test_the_distance_of_runs_counts_more_the_closer_they_are_to_rounding`."""
+    """The factor of the first line that the tolerance of a step reaches, on the distance of the runs: two errors may
+    agree by chance, most often where both are sums of rounding.
+    `test_the_distance_of_runs_counts_more_near_rounding`."""
     floor: float = 1e-13
     """No estimate is below this part of the scale. `test_no_estimate_is_below_thirteen_digits`."""
+
+    factor: float = 1e5
+    """The two go apart where their distance grows by this factor: in chaos that takes eleven times the time in which
+    errors grow e-fold. `test_runs_go_apart_where_their_distance_grows_too_fast`."""
+    least: float = 1e-7
+    """To this or more: the factor of any rounding is less. `test_runs_go_apart_where_their_distance_grows_too_fast`."""
+    part: float = 0.01
+    """Within this part of the run. `test_runs_go_apart_within_a_hundredth_of_the_rows`."""
+    tolerances: float = 1e3
+    """And to so many tolerances. `test_runs_go_apart_where_their_distance_grows_too_fast`."""
 
 
 PARAMETERS = RepeatedRunParameters()
@@ -249,9 +237,8 @@ def repeated(settings: Simulation) -> Simulation:
     # The settings whose steps have these tolerances: the inverse of `step_tolerance.of_steps`.
     limits = step_tolerance.PARAMETERS
     wanted = finer if finer < limits.finest else finer * limits.tightening
-    return dataclasses.replace(
-        settings, rtol=wanted, atol=None if settings.atol is None else atol * wanted / finer
-    )
+    absolute = None if settings.atol is None else atol * wanted / finer
+    return dataclasses.replace(settings, rtol=wanted, atol=absolute)
 
 
 def safety(settings: Simulation) -> float:

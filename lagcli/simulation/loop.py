@@ -272,9 +272,8 @@ def _begin(run: Stepper, start: RunStart) -> bool:
 
         raise StepFailure(*stop_diagnosis.START_NOT_FINITE)
     run.count(1)
-    control.step = start.part * controller.first_step(
-        bound.rhs, bound.k, sizes, run.tolerance, run.method.order
-    )
+    given = bound.rhs, bound.k, sizes, run.tolerance, run.method.order
+    control.step = start.part * controller.first_step(*given)
     if smallest_angle < MONITOR.certain**2:
         # No step is wasted towards a singular configuration so near: each amplifies rounding more. It is seen from the
         # start on by a look back, where Euler's step leads.

@@ -44,7 +44,7 @@ def test_a_panel_has_twelve_nodes():
     assert asked == [12, 12, 12]
 
 
-def test_a_power_that_is_noise_is_given_up_after_two_thousand_panels():
+def test_a_power_of_noise_is_given_up():
     asked = []
 
     def powers(times):
@@ -104,7 +104,7 @@ def test_states_are_moved_by_two_roundings():
     ("part", "rtol", "is_known"),
     [(3e-7, 1e-14, True), (3e-6, 1e-14, False), (3e-6, 1e-7, True), (3e-5, 1e-7, False)],
 )
-def test_work_is_known_to_a_millionth_of_the_energy_or_a_hundred_tolerances(part, rtol, is_known):
+def test_work_is_known_to_six_digits(part, rtol, is_known):
     off = 1e-7  # and not less when a panel is halved once more, so that it is taken for rounding
 
     def powers(times):
@@ -144,7 +144,7 @@ def test_an_iteration_ends_at_rounding(monkeypatch):
 
 
 @pytest.mark.parametrize(("change", "is_step"), [(3e-12, True), (3e-11, False)])
-def test_an_iteration_that_contracts_no_more_ends_at_eleven_digits(change, is_step, monkeypatch):
+def test_an_iteration_that_stalls_ends_at_eleven_digits(change, is_step, monkeypatch):
     step, _ = iterated(monkeypatch, lambda k: change / 2 / LAST * (-1) ** k, 1e-14)
     assert (step is not None) is is_step
 
@@ -228,7 +228,7 @@ def test_a_piece_of_time_holds_a_thousand_rows():
     assert float(functions.cells[0][1][0]) == 1024.0
 
 
-def test_a_piece_that_holds_too_much_is_halved_thirteen_times_for_one_function():
+def test_a_piece_with_too_much_is_halved():
     functions = OfTime(everywhere)
     Timetable(functions, 0.0, 1.0).shortened(0.0, 0.01)
     shortest = min(float(right[0] - left[0]) for left, right in functions.cells if left.size == 1)
@@ -248,7 +248,7 @@ def test_no_more_than_two_million_values_are_made_at_once():
 
 
 @pytest.mark.parametrize(("width", "narrowest"), [(10, 2.0**-31), (100, 2.0**-30)])
-def test_cells_in_a_long_row_are_not_halved_below_nine_digits(width, narrowest):
+def test_cells_in_a_long_row_have_nine_digits(width, narrowest):
     functions = OfTime(between(1.0 + 2**-32, 1.0 + width * 2.0**-30))
     timetable._switches(functions, (0.5, 1.5), 0.0)
     assert functions.narrowest == narrowest
@@ -260,14 +260,14 @@ def test_steps_keep_four_roundings_of_the_time_from_a_switch():
 
 
 @pytest.mark.parametrize(("roundings", "stands"), [(200, True), (300, False)])
-def test_states_stand_still_across_a_few_hundred_roundings(roundings, stands):
+def test_states_stand_still_across_hundreds_of_roundings(roundings, stands):
     table = Timetable(OfTime(never), 0.0, 1.0)
     table._known = math.inf
     table._add([SwitchSpan(1.0, 1.0 + roundings * 2.0**-52)], [])
     assert (table.switch(1.0) is not None) is stands
 
 
-def test_near_zero_a_part_of_a_piece_takes_the_place_of_a_rounding():
+def test_near_zero_there_is_another_rounding():
     table = Timetable(OfTime(between(0.0, 0.0)), -1.0, 1.0)
     _, after = table.switch(0.0)
     assert 4 <= after / (1024 * 2.0**-62) <= 6

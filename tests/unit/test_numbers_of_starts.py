@@ -163,11 +163,11 @@ def test_accelerations_and_speeds_of_ten_digits_less_than_the_forces_are_none(si
     assert (moving.reach(np.zeros(1), 0.1) != (0.0, 0.0)) is moves
 
 
-def test_a_contact_creeps_below_eleven_digits_of_the_speeds():
+def test_a_contact_creeps_below_eleven_digits():
     assert instant(speed=2.0).speed_roundoff == pytest.approx([2e-11], rel=1e-6, abs=0.0)
 
 
-def test_a_force_of_ten_digits_less_than_what_presses_a_contact_is_none(monkeypatch):
+def test_a_force_of_ten_digits_less_is_none(monkeypatch):
     monkeypatch.setattr(ContactInstant, "squares", lambda here, contacts: np.ones(1))
     monkeypatch.setattr(ContactInstant, "few", lambda here, contacts: None)
     contact = np.array([0])

@@ -42,26 +42,26 @@ def of_steps(rtol, atol=None):
 # From the tolerance of a run to that of a step
 
 
-def test_steps_have_a_hundredth_of_the_tolerance_of_a_run():
+def test_steps_have_a_hundredth_of_the_tolerance():
     assert of_steps(1e-6)[0] == relatively(1e-8)
     assert of_steps(1e-6, 1e-9)[1] == relatively(1e-11)
 
 
-def test_the_tolerance_of_a_step_is_not_below_fourteen_digits():
+def test_a_step_has_fourteen_digits_at_most():
     assert of_steps(1e-13)[0] == relatively(1e-14)
     assert of_steps(1e-15)[0] == relatively(1e-15)
 
 
-def test_without_atol_thirteen_digits_of_the_motion_are_asked_for():
+def test_without_atol_thirteen_digits_are_asked_for():
     assert of_steps(1e-6)[2] == relatively(1e-15)
 
 
-def test_the_absolute_tolerance_of_a_step_is_below_the_relative_one_and_above_rounding():
+def test_the_absolute_tolerance_has_bounds():
     assert of_steps(5e-12)[2] == relatively(5e-16)  # a hundredth of 5e-14
     assert of_steps(1e-15)[2] == relatively(1e-16)  # and not a hundredth of 1e-15
 
 
-def test_the_rounding_of_rows_and_forces_is_that_of_sixteen_stages():
+def test_rounding_is_that_of_sixteen_stages():
     class Roundings:
         arguments, results = [np.zeros(1)], [np.array([np.zeros(3), [1.0, 2.0, np.inf]])]
 
@@ -95,12 +95,12 @@ def scale(q=0.0, v=0.0, a=0.0, h=1.0, tolerance=HELD):
     return step_end.scales((ca.DM([0, 0, 0]),) * 2, h, ca.DM([1, q, v, a]), tolerance).full().ravel()
 
 
-def test_the_rounding_of_positions_shows_in_velocities():
+def test_rounding_of_positions_shows_in_velocities():
     assert scale(q=1.0, v=1.0, h=1e-3, tolerance=ca.DM(of_steps(1e-6)))[1] == relatively(2e-14 / 2 + 1e-15)
 
 
 @pytest.mark.parametrize(("size", "floor"), [(3e-7, 1e-14), (3e-6, 0.0)])
-def test_positions_that_forces_would_make_a_millionth_of_are_held_at_the_origin(size, floor):
+def test_forces_hold_positions_at_the_origin(size, floor):
     assert scale(q=size, v=1.0, a=1.0)[1] == pytest.approx(floor, abs=1e-30)
 
 
@@ -110,7 +110,7 @@ def test_speeds_that_balanced_forces_make_by_rounding_are_rest(speed, floor):
 
 
 @pytest.mark.parametrize(("angle", "gains"), [(3e-3, True), (3e-2, False)])
-def test_rows_closer_than_a_hundredth_amplify_the_rounding_of_forces(angle, gains):
+def test_close_rows_amplify_rounding(angle, gains):
     gained = step_end._amplified(1, ca.DM(angle**2), ca.DM([1, 1, 1, 2]), ca.DM(1.0)).full().ravel()
     assert gained[1] == pytest.approx(2e-16 / angle**3 if gains else 0.0)
 
@@ -119,7 +119,7 @@ def test_rows_closer_than_a_hundredth_amplify_the_rounding_of_forces(angle, gain
     ("by", "size", "is_allowed"),
     [(3e-8, 0.0, True), (3e-7, 0.0, False), (3e-11, 1.0, True), (3e-10, 1.0, False)],
 )
-def test_the_projection_moves_a_state_by_a_hundred_tolerances_or_ten_digits(by, size, is_allowed):
+def test_a_projection_moves_little(by, size, is_allowed):
     moved = step_end._moved(ca.DM([by, 0]), ca.DM([1e-30 if size else 1e-9, 1.0]), ca.DM([1, size, 0, 0]))
     assert (float(moved) <= 1.0) is is_allowed
 
@@ -133,7 +133,7 @@ def test_the_work_of_forces_that_balance_is_judged_by_their_rounding():
 
 
 @pytest.mark.parametrize(("gained", "factor"), [(3e-10, 1025.0), (3e-9, 1.0)])
-def test_a_step_of_a_few_roundings_of_the_time_may_hold_a_jump(gained, factor):
+def test_a_step_of_a_few_roundings_may_hold_a_jump(gained, factor):
     near_t, h = 1e-16, 1024e-16
     change = ca.DM([0, gained / h, 0])
     found = step_end._within(near_t, h, (ca.DM([0, 1, 0]), ca.DM([0, 0, 0]), change))
@@ -188,14 +188,14 @@ class Gap:
 
 
 @pytest.mark.parametrize(("part", "is_reported"), [(3e-4, True), (3e-3, False)])
-def test_a_gradient_that_has_fallen_to_a_thousandth_is_looked_at(part, is_reported):
+def test_a_fallen_gradient_is_looked_at(part, is_reported):
     here = SimpleNamespace(g=np.zeros(1), lowest=np.array([part]))
     assert contact_change.fallen(here, np.ones(1), [0]).tolist() == [is_reported]
 
 
 @pytest.mark.parametrize(("bend", "vanishes"), [(0.2, False), (1.0, True)])
 @pytest.mark.parametrize(("gap", "offset"), [(0.0, 1e-10), (1e-6, 1e-5)])
-def test_a_gradient_vanishes_where_it_does_not_tell_the_change_beside(bend, vanishes, gap, offset):
+def test_a_gradient_that_tells_no_change_vanishes(bend, vanishes, gap, offset):
     here = Gap(lambda x: gap + x + bend / offset * x * abs(x))
     assert contact_change._vanishes(here, 0) is vanishes
 
@@ -272,7 +272,7 @@ def test_angles_that_are_wide_are_not_followed(before, now, is_foreseen):
         (1e-6, 1.0, 1 / 5, 72.6),
     ],
 )
-def test_a_step_across_begins_some_steps_before_the_instant(rtol, angle, step, steps):
+def test_a_step_across_begins_some_steps_before(rtol, angle, step, steps):
     for left, is_near in ((0.99 * steps, True), (1.01 * steps, False)):
         assert Prediction(left, 1, angle=angle, step=step).is_near(0.0, 1.0, rtol, 8) is is_near
 
@@ -298,7 +298,7 @@ def test_a_minimum_of_a_hundredth_of_the_square_is_no_zero(least, is_one):
     assert dip(least)[0] is is_one
 
 
-def test_a_minimum_is_looked_for_up_to_twice_the_time_to_the_instant():
+def test_a_minimum_is_looked_for_up_to_twice_the_time():
     assert max(dip(0.3, at=4.0)[1]) == pytest.approx(2.0)
 
 
@@ -307,7 +307,7 @@ def test_looks_that_are_close_together_say_nothing_new(at, looks):
     assert len(dip(0.5, at=at)[1]) == looks
 
 
-def test_a_minimum_is_looked_for_at_four_points_after_the_first():
+def test_a_minimum_is_looked_for_at_four_points():
     asked = []
 
     def square(h):
@@ -356,7 +356,7 @@ def looks_for_the_instant(monkeypatch):
 
 
 @pytest.mark.parametrize(("shift", "looks"), [(0.03, 1), (0.05, 2)])
-def test_an_instant_is_found_again_until_it_is_centered(shift, looks, looks_for_the_instant):
+def test_an_instant_is_found_until_it_is_centered(shift, looks, looks_for_the_instant):
     found, asked = looks_for_the_instant([shift, 0.0])
     assert found is not None
     assert [nodes for _, nodes in asked] == [10] * looks + [8]
@@ -368,7 +368,7 @@ def test_an_instant_is_looked_for_six_times(looks_for_the_instant):
     assert len(asked) == 6
 
 
-def test_a_step_from_a_singular_start_is_halved_thirty_times(monkeypatch):
+def test_a_step_from_a_singular_start_is_halved(monkeypatch):
     lengths = []
     monkeypatch.setattr(singularity_step, "_start", lambda project, here, h: lengths.append(h))
     here = SimpleNamespace(t=0.0, y=np.zeros(3), state=lambda t, y: None)
@@ -377,7 +377,7 @@ def test_a_step_from_a_singular_start_is_halved_thirty_times(monkeypatch):
 
 
 @pytest.mark.parametrize(("angle", "places"), [(0.02, 5), (0.05, 1)])
-def test_all_distances_from_the_instant_are_tried_from_close_by(angle, places, monkeypatch):
+def test_all_distances_are_tried_from_close_by(angle, places, monkeypatch):
     tried = []
     monkeypatch.setattr(singularity_step, "_placed", lambda *given: tried.append(given[-1]))
     monkeypatch.setattr(singularity_step, "_others", lambda *_: None)
@@ -399,7 +399,7 @@ def test_all_distances_from_the_instant_are_tried_from_close_by(angle, places, m
         (1e-4, 3e-9, False),
     ],
 )
-def test_steps_agree_to_rounding_which_dependent_rows_amplify(delta, off, agree, monkeypatch):
+def test_steps_agree_to_amplified_rounding(delta, off, agree, monkeypatch):
     monkeypatch.setattr(singularity_step.collocation, "projected", lambda *_: None)
     monkeypatch.setattr(singularity_step.collocation, "sizes_of", lambda found: np.ones(3))
     steps = tuple(
@@ -437,7 +437,7 @@ def test_the_smallest_angle_is_a_line_through_zero(bend, is_found):
 
 
 @pytest.mark.parametrize(("at", "is_alone"), [(0.01, True), (0.4, False), (0.99, True), (1.4, False)])
-def test_the_smallest_angle_falls_all_the_way_to_the_instant(at, is_alone):
+def test_the_smallest_angle_falls_all_the_way(at, is_alone):
     # A second zero is seen where it is looked for.
     def root(t):
         return abs(1 - t) if abs(t - at) > 0.005 else 0.0
@@ -521,7 +521,7 @@ def kink(size):
     ],
     ids=["range", "beyond range", "column", "beyond column", "others", "beyond others"],
 )
-def test_a_column_that_is_not_smooth_has_no_value_at_the_instant(column, largest, is_smooth):
+def test_a_column_that_is_not_smooth_has_no_value(column, largest, is_smooth):
     found = at_instant(column, np.full(TAUS.size, largest))
     assert math.isfinite(found[0]) is is_smooth
 
@@ -529,7 +529,7 @@ def test_a_column_that_is_not_smooth_has_no_value_at_the_instant(column, largest
 @pytest.mark.parametrize(
     ("inner", "outer", "has_limit"), [(0.7, 1, True), (0.8, 1, False), (3e-7, 0, True), (3e-6, 0, False)]
 )
-def test_a_limit_is_where_differences_shrink_or_are_rounding(inner, outer, has_limit):
+def test_a_limit_is_where_differences_shrink(inner, outer, has_limit):
     lines = np.array([[1.0], [1.0], [1.0 + inner], [1.0 + outer]])
     if not outer:
         lines[1:3, 0] = 1.0 - inner, 1.0 + inner
@@ -591,7 +591,7 @@ def repeated(rtol, atol=None):
     return step_tolerance.of_steps(error_estimate.repeated(settings(rtol, atol)))[:2].tolist()
 
 
-def test_steps_of_the_repeated_run_have_a_smaller_tolerance():
+def test_a_repeated_run_has_a_smaller_tolerance():
     assert repeated(1e-6)[0] == relatively(4e-11)  # 1e-8 / 250
     assert repeated(1e-11)[0] == relatively(3e-15)
 
@@ -600,13 +600,13 @@ def test_the_absolute_tolerance_of_the_repeated_run_is_above_rounding():
     assert repeated(1e-6, 1e-13)[1] == relatively(1e-16)
 
 
-def test_a_run_that_cannot_be_repeated_with_less_error_is_with_more():
+def test_a_fine_run_is_repeated_with_more_error():
     assert repeated(8e-15)[0] == relatively(2.4e-14)
     assert repeated(9.5e-15)[0] == relatively(3e-15)
 
 
 @pytest.mark.parametrize(("rtol", "factor"), [(1e-10, 1.0), (3e-11, 1.5), (3e-15, 3.0)])
-def test_the_distance_of_runs_counts_more_the_closer_they_are_to_rounding(rtol, factor):
+def test_the_distance_of_runs_counts_more_near_rounding(rtol, factor):
     assert error_estimate.safety(settings(rtol)) == factor
 
 
@@ -616,7 +616,7 @@ def test_no_estimate_is_below_thirteen_digits():
     assert errors.take(row, row)[0, 0] == relatively(2e-13)
 
 
-def test_the_repeated_run_begins_with_a_shorter_step(monkeypatch):
+def test_a_repeated_run_begins_shorter(monkeypatch):
     begins = []
 
     def start(begin, rows):
@@ -657,9 +657,7 @@ def a_run(angle):
 
 
 @pytest.mark.parametrize(("angle", "is_looked_at"), [(0.03, True), (0.3, False)])
-def test_rows_of_a_start_that_are_close_to_dependent_are_looked_at_before_it(
-    angle, is_looked_at, monkeypatch
-):
+def test_close_rows_of_a_start_are_looked_at_before_it(angle, is_looked_at, monkeypatch):
     looks = []
     monkeypatch.setattr(loop.controller, "first_step", lambda *_: 1.0)
     run = a_run(angle)
@@ -669,7 +667,7 @@ def test_rows_of_a_start_that_are_close_to_dependent_are_looked_at_before_it(
 
 
 @pytest.mark.parametrize(("angle", "is_asked"), [(0.03, False), (0.3, True)])
-def test_rows_that_are_close_to_dependent_are_searched_at_once(angle, is_asked, monkeypatch):
+def test_close_rows_are_searched_at_once(angle, is_asked, monkeypatch):
     asked = []
     monkeypatch.setattr(SingularEvent, "_is_dip", lambda event: asked.append(event) or True)
     monkeypatch.setattr(SingularEvent, "_point", None, raising=False)

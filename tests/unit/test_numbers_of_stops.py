@@ -43,12 +43,12 @@ def test_rows_that_are_dependent_to_a_hundredth_are_the_reason_of_a_stop(margin,
 
 
 @pytest.mark.parametrize(("since", "is_reported"), [(3e-3, True), (3e-2, False)])
-def test_an_incident_within_a_hundredth_of_the_run_before_is_reported(since, is_reported, failure):
+def test_an_incident_just_before_is_reported(since, is_reported, failure):
     assert ("too close behind the incident" in failure(1e-3, True, since).sentence) is is_reported
 
 
 @pytest.mark.parametrize(("margin", "is_reason"), [(3e-5, True), (3e-4, False)])
-def test_inertias_that_differ_are_the_reason_of_a_stop_from_four_digits_on(margin, is_reason, failure):
+def test_inertias_that_differ_stop_a_run(margin, is_reason, failure):
     assert ("inertias that differ" in failure(margin, is_alone=False).sentence) is is_reason
 
 

@@ -28,24 +28,24 @@ def first(t: float = 0.0, *, q: float = 0.0, v: float = 0.0, a: float = 0.0, for
     return controller.first_step(ConstantRate(t, k), k, sizes, TOLERANCE, ORDER)
 
 
-def test_speeds_that_are_rounding_do_not_shorten_the_first_step() -> None:
+def test_speeds_of_rounding_shorten_no_first_step() -> None:
     at_rest = first(q=1.0, a=1.0)
     assert first(q=1.0, v=1e-9, a=1.0) == at_rest
     assert first(q=1.0, v=1e-7, a=1.0) < at_rest / 100
 
 
-def test_forces_that_balance_to_rounding_give_the_scale_of_time() -> None:
+def test_balanced_forces_give_the_scale_of_time() -> None:
     of_forces = first(q=1.0, a=1.0, forced=1.0)
     assert first(q=1.0, a=1e-14, forced=1.0) == of_forces
     assert first(q=1.0, a=1e-12, forced=1.0) > 1e5 * of_forces
 
 
-def test_where_nothing_moves_the_time_itself_is_a_scale_when_it_is_large() -> None:
+def test_where_nothing_moves_time_is_a_scale() -> None:
     assert first(1e3) == first(0.0)
     assert first(1e6) > 20 * first(0.0)
 
 
-def test_a_step_far_too_long_is_shortened_little_by_little() -> None:
+def test_a_long_step_is_shortened_little_by_little() -> None:
     control = StepController(ORDER, 1.0, 0.0)
     assert control.smaller(1.0, 1e30, True) > 0.1
     assert control.smaller(1.0, 1e4, True) < control.smaller(1.0, 1e2, True)
@@ -58,21 +58,21 @@ def test_a_run_that_would_take_days_is_too_slow(end: float, is_slow: bool) -> No
 
 
 @pytest.mark.parametrize(("row", "is_slow"), [(1e4, False), (1e5, True), (1e6, True)])
-def test_a_run_that_would_take_hours_to_its_next_row_is_too_slow(row: float, is_slow: bool) -> None:
+def test_a_row_that_is_hours_away_is_too_slow(row: float, is_slow: bool) -> None:
     found = StepController(ORDER, 1.0, 0.0).is_too_slow(1.0, 1e6, row)
     assert (found is not None) == is_slow
 
 
-def test_of_the_step_that_the_error_asks_for_a_tenth_is_left() -> None:
+def test_a_tenth_of_the_step_is_left() -> None:
     assert StepController(ORDER, 1.0, 0.0).grown(1.0, 1.0, 10.0) == pytest.approx(0.9)
     assert StepController(ORDER, 1.0, 0.0).smaller(1.0, 1.0, True) == pytest.approx(0.9)
 
 
-def test_a_step_is_a_few_hundred_roundings_of_the_time_or_more() -> None:
+def test_a_step_is_hundreds_of_roundings_of_the_time() -> None:
     assert first(1.0, q=1e-20, v=1.0) == 256 * 2.0**-52
 
 
-def test_the_first_step_has_the_error_of_a_hundredth_of_the_shortest_time() -> None:
+def test_the_first_step_is_as_exact_as_asked() -> None:
     assert first(q=1.0, a=1.0) == pytest.approx((0.01 * TOLERANCE[0]) ** (1 / ORDER))
 
 

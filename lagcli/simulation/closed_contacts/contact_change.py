@@ -223,19 +223,18 @@ class GradientParameters:
     __slots__ = ()
 
     fallen: float = 1e-3
-    """A gradient that has fallen to this part of what it was a step before is looked at.
-    `test_a_gradient_that_has_fallen_to_a_thousandth_is_looked_at`."""
+    """A gradient that has fallen to this part of that a step before is looked at.
+    `test_a_fallen_gradient_is_looked_at`."""
     offset: float = 1e-10
-    """How far aside is looked. `test_a_gradient_vanishes_where_it_does_not_tell_the_change_beside`."""
+    """How far aside is looked. `test_a_gradient_that_tells_no_change_vanishes`."""
     times: float = 10.0
-    """And as many times the way to the zero of the gap: the zero of a power of a distance is as far away as its root is
-    known. `test_a_gradient_vanishes_where_it_does_not_tell_the_change_beside`."""
+    """And as many times the way to the zero of the gap, which is as far as its root is known.
+    `test_a_gradient_that_tells_no_change_vanishes`."""
     off: float = 0.5
-    """Of a gap whose gradient does not vanish the change there is known to this part.
-    `test_a_gradient_vanishes_where_it_does_not_tell_the_change_beside`."""
+    """To this part a gradient that does not vanish tells the change.
+    `test_a_gradient_that_tells_no_change_vanishes`."""
     closed: float = 10.0
-    """Two sides of a jump are so many times what counts as closed apart.
-    `test_sides_of_a_jump_are_ten_closed_gaps_apart`."""
+    """Two sides of a jump are so many closed gaps apart. `test_sides_of_a_jump_are_ten_closed_gaps_apart`."""
     farther: float = 100.0
     """They, and the two sides of an edge that a motion could not pass, are looked at again this much farther off.
     `test_a_jump_stays_from_a_hundred_times_farther_off`,

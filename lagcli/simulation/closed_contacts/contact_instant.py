@@ -32,15 +32,14 @@ class InstantParameters:
     __slots__ = ()
 
     weightless: float = 1e-10
-    """A force is none where it is this part of what would press the contact, or hold it back; so are accelerations, and
-    speeds, that are this part of what the forces make.
-    `test_a_force_of_ten_digits_less_than_what_presses_a_contact_is_none`."""
+    """Forces, accelerations, speeds are none where they are this part of what presses.
+    `test_a_force_of_ten_digits_less_is_none`."""
     creeping: float = 1e-11
-    """And where speeds that are this part of those of the motion would make it on its way.
-    `test_a_contact_creeps_below_eleven_digits_of_the_speeds`."""
+    """And where speeds that are this part of those of the motion would make it.
+    `test_a_contact_creeps_below_eleven_digits`."""
     closely: float = 4.0
-    """Contacts that are so many times farther away than closed ones are told by the numbers before an impact: those
-    after it are not so different. `test_contacts_that_are_nearly_closed_part_clearly`."""
+    """So many times farther away than closed ones contacts are judged before an impact.
+    `test_contacts_that_are_nearly_closed_part_clearly`."""
     clearly: float = 1e3
     """And so are speeds that many times larger than none. `test_contacts_that_are_nearly_closed_part_clearly`."""
 

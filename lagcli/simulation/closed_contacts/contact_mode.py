@@ -96,12 +96,8 @@ def mode(
     apart = {j for j in shared if not ahead.stays[j]}
     if apart & set(closed) or ahead.is_violated[list(apart)].any():
         return choice.tried(found, sorted({*closed, *shared}))
-    return ContactMode(
-        dataclasses.replace(
-            chosen, idle=tuple(dependency for dependency in idle if dependency[0] - rows not in apart)
-        ),
-        closed,
-    )
+    lying = tuple(dependency for dependency in idle if dependency[0] - rows not in apart)
+    return ContactMode(dataclasses.replace(chosen, idle=lying), closed)
 
 
 def are_independent(open_: Selection, here: ContactInstant, contacts: Sequence[int]) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable
 from collections.abc import Set as AbstractSet
 
@@ -92,7 +91,7 @@ class ContactDecision:
         apart = tuple(j for j in touching if j in opened)
         is_on = (np.abs(here.speeds) <= here.speed_roundoff)[sorted(lying)].all()
         if switch and not impact and is_on and mode.selection == run.bound.enforced.selection:
-            run.contacts = dataclasses.replace(run.contacts, touching=touching, apart=apart)
+            run.note(touching=touching, apart=apart)
             return False
 
         ended = set() if impact is None else set(np.flatnonzero(impact.ended).tolist())
@@ -101,9 +100,8 @@ class ContactDecision:
         if impact is not None and ended:
             # Behind the impact as it is, with rebounds that are left out from here on.
             bouncing = sorted(set(mode.closed) - ended)
-            selection = contacts.decided(
-                lambda: contact_mode.ModeChoice(contacts.open_, struck.after, rows).of(bouncing)
-            )
+            choice = contact_mode.ModeChoice(contacts.open_, struck.after, rows)
+            selection = contacts.decided(lambda: choice.of(bouncing))
             self._go_on(selection, impact.v)
             shown, behind = log.line(), self._events.now()
             jumped, events = self._events.jumped(events, behind), behind
@@ -122,8 +120,7 @@ class ContactDecision:
         cut = {j for j, _ in run.contacts.ending} - {j for j, _ in ending}
         if impact is not None:
             ending += [(j, run.t + float(impact.lasting[j])) for j in sorted(fresh)]
-        run.contacts = dataclasses.replace(
-            run.contacts,
+        run.note(
             unarmed=tuple(i for i in why.hits if i >= rows and i - rows in beyond & lying),
             last=run.t,
             size=here.size,
@@ -139,7 +136,7 @@ class ContactDecision:
         if fresh:
             until = max(t for _, t in run.contacts.ending)
             postponed = dict(run.contacts.postponed) | dict.fromkeys(closing - crossed, until)
-            run.contacts = dataclasses.replace(run.contacts, postponed=tuple(sorted(postponed.items())))
+            run.note(postponed=tuple(sorted(postponed.items())))
             closing = set()
         before = switch.line if switch and struck.line is line else struck.line
         is_told = not why.is_start and run.statistics.steps > 0
@@ -164,7 +161,7 @@ class ContactDecision:
         left = tuple(each for each in run.contacts.ending if each[0] not in due)
         later = tuple(each for each in run.contacts.postponed if each[0] not in events)
         last = run.t if due else run.contacts.last
-        run.contacts = dataclasses.replace(run.contacts, ending=left, postponed=later, last=last)
+        run.note(ending=left, postponed=later, last=last)
         self._events.report(events)
 
     def _struck(self, why: Occasion, line: Floats, lying: set[int]) -> _Struck:
@@ -180,7 +177,7 @@ class ContactDecision:
             after = self._log.line()
             run.bound.y[-1] += after[method.JACOBI] - line[method.JACOBI]
             self._report((line, after), one)
-            run.contacts = dataclasses.replace(run.contacts, shared=_shared(run, one))
+            run.note(shared=_shared(run, one))
             here, line = here.moved(one.v), after
         run_contacts.count(run, [one.impacting for one in series], self._restitution, contacts.names)
         if not series:
@@ -214,10 +211,9 @@ class ContactDecision:
             crossing[[i - contacts.rows for i in why.hits if i - contacts.rows in lying]] = True
             known = 0.0 if why.is_start else float(self._run.tolerance[0])
             forces = ContactOrders(contacts.series, after, known).decided(forces, numbers, crossing)
-        mode = contacts.decided(
-            lambda: contact_mode.mode(contacts.open_, after, forces, numbers.tolist(), contacts.rows)
-        )
-        return mode, level
+        among = numbers.tolist()
+        law = contact_mode.mode
+        return contacts.decided(lambda: law(contacts.open_, after, forces, among, contacts.rows)), level
 
     def _go_on(self, selection: Selection, v: Floats) -> None:
         """Go on with these rows, from velocities v (n,)."""
@@ -269,7 +265,6 @@ def _shared(run: Stepper, impact: ImpactResult | None, others: Iterable[int] = (
 MOST_AGAIN = 64
 # An instant at which a gap is violated by so many times what counts as near is no zero of it: the gap jumps there.
 PROJECTED = 1e4
-NO_GAPS: Floats = np.zeros(0)
 
 
 class ContactChanges:
@@ -288,11 +283,9 @@ class ContactChanges:
         events (W,); and the extents of gaps at its begin, as `ContactInstant.lowest` (K,)."""
         noise, run = np.zeros(watch.functions.kinds.numbers.size), self._run
         if not self._count:
-            return noise, NO_GAPS
-        here, there = (
-            self._contacts.here(step.taken),
-            self._contacts.at(step.reached, run.bound.new, step.taken),
-        )
+            return noise, np.zeros(0)
+        here = self._contacts.here(step.taken)
+        there = self._contacts.at(step.reached, run.bound.new, step.taken)
         found = np.fmax(here.noise, there.noise)
         touching = list(run.contacts.touching)
         # Steps are held no closer than to their absolute tolerance.
@@ -332,7 +325,7 @@ class ContactChanges:
 
     def unresolved(self) -> str:
         """The reason to stop where the zeros of a gap, or of a declared event, cannot be told apart."""
-        g = self._contacts.here(0.0).g if self._count else NO_GAPS
+        g = self._contacts.here(0.0).g if self._count else np.zeros(0)
         ending = np.flatnonzero(~np.isfinite(g)).tolist()
         if ending:
             return f"{contact_change.NO_GRADIENT}: {', '.join(f'`{self._names[j]}`' for j in ending)}"
@@ -390,17 +383,13 @@ class ContactChanges:
     ) -> None:
         """Change what changes where watched functions cross zero, by the numbers of their rows; extents: of gaps at the
         begin of the step of this span, as `noise` tells them."""
-        run = self._run
+        run, first = self._run, self._rows + self._count
         if run.contacts.again > MOST_AGAIN:
-            names = ", ".join(
-                f"`{self._contacts.system.multiplier_rows[i].name}`"
-                for i in hits
-                if i < self._rows + self._count
-            )
+            rows = self._contacts.system.multiplier_rows
+            names = ", ".join(f"`{rows[i].name}`" for i in hits if i < first)
             raise StepFailure(
                 f"the contacts {names} open and close without end at one instant", run_stop.CONTACT
             )
-        first = self._rows + self._count
         events = [i - first for i in hits if i >= first]
         if events:
             self.events.report(events)
@@ -413,7 +402,7 @@ class ContactChanges:
                 here.slow[:] = np.minimum(here.slow, here.speed_roundoff)
             self.decision.decide(Occasion(here, ahead, hits))
         else:
-            run.contacts = dataclasses.replace(run.contacts, unarmed=hits, last=run.t)
+            run.note(unarmed=hits, last=run.t)
 
     def _require_directions(
         self, here: ContactInstant, contacts: list[int], extents: Floats | None = None

@@ -106,9 +106,8 @@ class EdgeEvent(Event):
             s = run.state_at(run.t + dt, soon)
             h, _ = numeric.force_roundings(s.t, s.q, s.v, s.p)
             inertia = np.diag(np.array(numeric.inertia(s.t, s.q, s.v, s.p)))
-            k[n : 2 * n][np.abs(k[n : 2 * n]) <= ROUNDINGS * doubles.EPS * np.array(h).ravel() / inertia] = (
-                0.0
-            )
+            rounding = ROUNDINGS * doubles.EPS * np.array(h).ravel() / inertia
+            k[n : 2 * n][np.abs(k[n : 2 * n]) <= rounding] = 0.0
             y[:n] += dt * y[n : 2 * n] + dt * dt / 2 * k[n : 2 * n]
             y[n : 2 * n] += dt * k[n : 2 * n]
             beside, _, sizes = self._at(run.t + dt, y, bound.k)

@@ -6,7 +6,6 @@ events. Where one crosses zero the step is taken again up to there, so that the 
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping
 from functools import partial
@@ -94,7 +93,7 @@ class ContactEvent(Event):
         kinds = watch.functions.kinds
         if kinds.has_events:
             at_zero = kinds.numbers[(watch.begin() == 0) & (kinds.numbers >= kinds.first_event)].tolist()
-        run.contacts = dataclasses.replace(run.contacts, last=run.t, unarmed=tuple(at_zero))
+        run.note(last=run.t, unarmed=tuple(at_zero))
         run.settle()
 
     def found(self, step: FoundStep) -> Cut | None:
@@ -141,10 +140,8 @@ class ContactEvent(Event):
             sides, jumped = (before[-E:], after[-E:]), self._changes.events.jumped
             crossed, touched = declared_events.at_switch(watch, step, sides, jumped)
             first = watch.functions.kinds.first_event
-            met = met._replace(
-                at_end=tuple(sorted({*jumped(*sides), *crossed})),
-                touched=tuple(first + number for number in touched),
-            )
+            at_end, known = sorted({*jumped(*sides), *crossed}), (first + number for number in touched)
+            met = met._replace(at_end=tuple(at_end), touched=tuple(known))
         if not self._system.contacts.count:
             return met
         self._changes.require_open(watch, step, after)
@@ -156,7 +153,7 @@ class ContactEvent(Event):
         """Act where the run stands, at the end of a step or where one was given up."""
         run, changes, at_end = self._stepper, self._changes, met.at_end
         if is_here:
-            run.contacts = dataclasses.replace(run.contacts, again=run.contacts.again + 1)
+            run.note(again=run.contacts.again + 1)
         changes.log.is_switched = met.before is not None
         changes.events.known = met.sizes or changes.events.known
         if met.before is not None:
@@ -168,19 +165,16 @@ class ContactEvent(Event):
         elif run.contacts.ending and min(t for _, t in run.contacts.ending) <= run.t:
             changes.decision.end_series()
         elif run.contacts.again or run.contacts.unarmed or met.touched:
-            run.contacts = dataclasses.replace(run.contacts, again=0, unarmed=met.touched)
+            run.note(again=0, unarmed=met.touched)
         elif not met.crossed:
             return
         if met.crossed:
             # Events that are at zero still, as where an impact follows at once, do not cross there again.
             watch = self._current()
-            values = dict(
-                zip(watch.functions.kinds.numbers.tolist(), np.abs(watch.begin()).tolist(), strict=True)
-            )
+            numbers, sizes = watch.functions.kinds.numbers.tolist(), np.abs(watch.begin()).tolist()
+            values = dict(zip(numbers, sizes, strict=True))
             still = {number for number, noise in met.crossed.items() if values[number] <= noise}
-            run.contacts = dataclasses.replace(
-                run.contacts, unarmed=tuple(sorted({*run.contacts.unarmed, *still}))
-            )
+            run.note(unarmed=tuple(sorted({*run.contacts.unarmed, *still})))
         run.settle()
 
     def _met_across(self, step: FoundStep) -> Met:
@@ -210,9 +204,8 @@ class ContactEvent(Event):
             if not kinds.records[rows].all():
                 ended = curve.ended_at(step, x)
                 if ended is None:
-                    raise StepFailure(
-                        "a contact closes where a singular configuration is passed", run_stop.CONTACT
-                    )
+                    what = "a contact closes where a singular configuration is passed"
+                    raise StepFailure(what, run_stop.CONTACT)
                 return Met(ended, tuple(kinds.numbers[rows].tolist()), None, extents)
             armed = np.ones(indices.size, dtype=bool)
             armed[list(crossing.rows)] = False
@@ -324,12 +317,9 @@ class ContactEvent(Event):
         """The step ended where watched functions cross zero."""
         run, step, bound = self._stepper, met.step, self._stepper.bound
         slopes = watch.inside(x)[1][rows] / step.taken
-        met = met._replace(
-            ahead=step_watch.ahead(
-                run, step, min(1.0, x + declared_events.BESIDE * FARTHER**run.contacts.again)
-            ),
-            hits=tuple(watch.functions.kinds.numbers[rows].tolist()),
-        )
+        beyond = min(1.0, x + declared_events.BESIDE * FARTHER**run.contacts.again)
+        hits = tuple(watch.functions.kinds.numbers[rows].tolist())
+        met = met._replace(ahead=step_watch.ahead(run, step, beyond), hits=hits)
         steepest = int(np.argmax(np.abs(slopes)))
         index, slope = int(rows[steepest]), float(slopes[steepest])
         tau, best = float(x) * step.taken, math.inf

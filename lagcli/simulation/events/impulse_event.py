@@ -69,10 +69,8 @@ class CurveFunctions:
         coefficients = ca.SX.sym("coefficients", self._size, self._method.dense_rows)
         state, given = self._method.interpolated(y, coefficients, x), [t, h, x, y, coefficients, p]
         at, of = (t + x * h, state[: self._n], state[self._n : 2 * self._n], p), self._crossings
-        return (
-            SizedFunction("switches", given, [of.switches(*at)]),
-            SizedFunction("values", given, [of.values(*at)]),
-        )
+        switches = SizedFunction("switches", given, [of.switches(*at)])
+        return switches, SizedFunction("values", given, [of.values(*at)])
 
     def _on_cubic(self, name: str, parts: Floats, combined: Callable[[list[ca.SX]], ca.SX]) -> ca.Function:
         n = self._n
@@ -160,10 +158,8 @@ class SingularStepCurve:
     def _at(self, x: float, function: ca.Function) -> Sequence[float]:
         run, state = self._run, self._step.state(x)
         n, t = state.size // 2, run.origin + run.t + x * self._step.h
-        found: list[float] = (
-            np.array(function(t, state[:n], state[n : 2 * n], run.bound.enforced.p)).ravel().tolist()
-        )
-        return found
+        found = function(t, state[:n], state[n : 2 * n], run.bound.enforced.p)
+        return np.array(found, dtype=float).ravel().tolist()
 
 
 class ImpulseEvent(Event):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -226,7 +225,7 @@ def count(run: Stepper, impacts: list[Flags], restitution: Floats, names: Sequen
     crowds, e = run.contacts.crowds, restitution.tolist()
     for struck in impacts:
         crowds = counted(crowds, np.flatnonzero(struck).tolist(), e, run.t)
-    run.contacts = dataclasses.replace(run.contacts, crowds=crowds)
+    run.note(crowds=crowds)
     for j, since, t, times in crowds:
         if since or t < run.t or len(times) < 4:
             continue

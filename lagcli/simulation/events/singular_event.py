@@ -70,12 +70,11 @@ class SingularEvent(Event):
 
         interpolate_rows.put_in_singular_step(run, singular_step, singular_step.instant)
         names = [row.name for row in run.bound.enforced.system.multiplier_rows]
-        lines = InstantLines(run.trial.rows.line.copy(), run.trial.rows.line.copy())
-        incidents = (
-            self._log.incident(singular_step.instant, "crossing", names[row], lines)
-            for row in singular_step.loss.participants
+        lines, t = InstantLines(run.trial.rows.line.copy(), run.trial.rows.line.copy()), singular_step.instant
+        taking_part = [names[row] for row in singular_step.loss.participants]
+        return step._replace(
+            within=tuple(self._log.incident(t, "crossing", each, lines) for each in taking_part)
         )
-        return step._replace(within=tuple(incidents))
 
     def _is_dip(self) -> bool:
         """True if ordinary steps show that rows only come closer to dependent ones, and part again."""
@@ -88,9 +87,8 @@ class SingularEvent(Event):
             _, _, _, residual, *there, _, _ = bound.status
             return there[component - 1] if residual <= MOST_RESIDUAL else math.nan
 
-        return singularity_monitor.is_dip(
-            square, run.watch.seen[component], run.watch.foreseen.instant - run.t
-        )
+        left = run.watch.foreseen.instant - run.t
+        return singularity_monitor.is_dip(square, run.watch.seen[component], left)
 
     def _passes_without_integrals(self) -> FoundStep | None:
         """Pass it where integrals are the reason why there is no step: they may have no direction at the instant.

@@ -61,10 +61,8 @@ class SwitchEvent(Event):
             for part, least in ((slice(0, n), 0.0), (slice(n, 2 * n), acceleration)):
                 size = np.abs(y[part]).max(initial=0.0)
                 fastest = np.maximum(np.abs(k[part]), np.abs(rate[part])).max(initial=least)
-                if (
-                    not np.abs(new[part] - y[part]).max(initial=0.0)
-                    <= doubles.ZERO * size + LONGER * dt * fastest
-                ):
+                change = np.abs(new[part] - y[part]).max(initial=0.0)
+                if not change <= doubles.ZERO * size + LONGER * dt * fastest:
                     return False
             return True
 
@@ -80,11 +78,9 @@ class SwitchEvent(Event):
                 for s in (here, beside)
             )
             speed = np.abs(G @ here.v + g_t.ravel()) + np.abs(G_beyond @ here.v + g_t_beyond.ravel())
-            room = (
-                doubles.ZERO * float(np.abs(here.q).max(initial=0.0)) + LONGER * (beside.t - here.t) * speed
-            )
-            jumps = not bool(((g_beyond - g).ravel() >= -room).all())
-            if jumps or not is_same(projected, rate):
+            size = float(np.abs(here.q).max(initial=0.0))
+            room = doubles.ZERO * size + LONGER * (beside.t - here.t) * speed
+            if not ((g_beyond - g).ravel() >= -room).all() or not is_same(projected, rate):
                 raise stop_diagnosis.impact(bound.enforced, here, beside)
         ahead = y + (middle - run.t) * k + (after - middle) * rate
         new, rate, *_ = project(after, ahead)

@@ -150,9 +150,8 @@ class WatchFunctions:
             ends = ca.fmin(side * values[i], side * values[i + 1])
             lowest.append(ca.fmin(ends, ca.fmin(side * inner, side * outer)))
             # As `zero_bounds.bend`.
-            bends.append(
-                ca.fmax(ca.fabs(values[i] - 2 * inner + outer), ca.fabs(inner - 2 * outer + values[i + 1]))
-            )
+            first, second = values[i] - 2 * inner + outer, inner - 2 * outer + values[i + 1]
+            bends.append(ca.fmax(ca.fabs(first), ca.fabs(second)))
         wary = zero_bounds.PARAMETERS.wary * functools.reduce(ca.fmax, bends)
         clear = functools.reduce(ca.fmin, lowest) - ca.fmax(2 * ca.fmax(*misfits), wary)
         gaps = self._numeric.gaps(t + h, new, p[: self._numeric.gaps.size1_in(2)])
@@ -185,8 +184,8 @@ class WatchKinds:
     """The kinds of the functions w (W,) of `WatchFunctions`, of contacts and of events.
 
     numbers (W,): of their rows, contacts from `first_contact` on, and of events after all rows, from `first_event` on;
-    direction (W,): as `zero_search`
-    takes it; is_event (W,); records (W,): events that do not end the run; names: of events, by their index in w.
+    direction (W,): as `zero_search` takes it; is_event (W,); records (W,): events that do not end the run; names: of
+    events, by their index in w.
     """
 
     def __init__(self, system: System, watched: Numbers) -> None:
@@ -194,10 +193,8 @@ class WatchKinds:
         self.first_contact, self.first_event = C, C + system.contacts.count
         count = system.event_values.numel()
         self.has_events = count > 0
-        contacts = (C + watched).tolist()
-        self.numbers = np.array(
-            [*contacts, *range(self.first_event, self.first_event + count)], dtype=np.intp
-        )
+        contacts, of_events = (C + watched).tolist(), range(self.first_event, self.first_event + count)
+        self.numbers = np.array([*contacts, *of_events], dtype=np.intp)
         self.is_event = self.numbers >= self.first_event
         self.direction = np.full(self.numbers.size, zero_search.DOWN)
         self.records = np.zeros(self.numbers.size, dtype=bool)

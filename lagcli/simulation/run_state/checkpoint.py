@@ -110,10 +110,8 @@ def require_same(found: Identity, model: Model) -> None:
             pairs.append((f"`{name}`", getattr(there, name), getattr(here, name)))
         for what, *values in pairs:
             if values[0] != values[1]:
-                a, b = (
-                    "not given" if each is None else str(list(each) if isinstance(each, tuple) else each)
-                    for each in values
-                )
+                plain = [list(each) if isinstance(each, tuple) else each for each in values]
+                a, b = ("not given" if each is None else str(each) for each in plain)
                 sentence = f"{what} is {a} in it and {b} here"
                 break
     if sentence:

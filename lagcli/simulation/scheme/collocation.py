@@ -30,14 +30,13 @@ class CollocationParameters:
     most_iterations: int = 80
     """One that contracts by a half reaches rounding in 50. `test_an_iteration_is_given_up_after_eighty`."""
     part: float = 1e-3
-    """It has converged where states change by this part of the tolerance of a step, or by their rounding.
+    """It has converged where states change by this part, or by rounding.
     `test_an_iteration_ends_at_a_thousandth_of_the_tolerance`."""
     stalled: float = 1e-11
     """Where it contracts no more, states may change by this part.
-    `test_an_iteration_that_contracts_no_more_ends_at_eleven_digits`."""
+    `test_an_iteration_that_stalls_ends_at_eleven_digits`."""
     depth: int = 10
-    """Differences of iterates that are mixed; each costs a row of a small least squares problem.
-    `test_ten_differences_of_iterates_are_mixed`."""
+    """Differences of iterates that are mixed, each a row of a problem. `test_ten_differences_of_iterates_are_mixed`."""
 
 
 PARAMETERS = CollocationParameters()

@@ -24,41 +24,33 @@ class StepLengthParameters:
     __slots__ = ()
 
     safety: float = 0.9
-    """The part of the step that the error asks for which is taken, so that the next one is seldom rejected.
-    `test_of_the_step_that_the_error_asks_for_a_tenth_is_left`."""
+    """The part of the step that the error asks for which is taken: few are rejected.
+    `test_a_tenth_of_the_step_is_left`."""
     shrink: float = 0.2
-    """A step is not shortened by more at once: the error of one that is far too long says little.
-    `test_a_step_far_too_long_is_shortened_little_by_little`."""
+    """A step is not shortened by more: its error says little. `test_a_long_step_is_shortened_little_by_little`."""
     grow: float = 10.0
     """A step is not made longer by more at once: it is not known what lies beyond. `test_steps_grow_by_ten_at_once`."""
     pace: int = 5000
-    """After so many steps a run is asked how many more it would take like this.
-    `test_a_run_that_would_take_days_is_too_slow`."""
+    """After so many steps a run is asked how many more it would take. `test_a_run_that_would_take_days_is_too_slow`."""
     hopeless: float = 1e10
     """So many steps would take days: the run stops. `test_a_run_that_would_take_days_is_too_slow`."""
     rowless: float = 1e8
-    """Nor is a row waited for that is so many steps away: hours in which nothing is seen of the run.
-    `test_a_run_that_would_take_hours_to_its_next_row_is_too_slow`."""
+    """Nor is a row waited for that is so many steps away: hours. `test_a_row_that_is_hours_away_is_too_slow`."""
     rest: float = 1e-6
-    """The first step where nothing moves and the scale of time is unknown, in units of time.
-    `test_where_nothing_moves_the_time_itself_is_a_scale_when_it_is_large`."""
+    """The first step where no scale of time is known, in units of time. `test_where_nothing_moves_time_is_a_scale`."""
     rest_of_time: float = 1e-10
-    """Or this part of the time itself. `test_where_nothing_moves_the_time_itself_is_a_scale_when_it_is_large`."""
+    """Or this part of the time itself. `test_where_nothing_moves_time_is_a_scale`."""
     roundings: int = 256
-    """A step advances the time, which is a double, by so many of its roundings at least.
-    `test_a_step_is_a_few_hundred_roundings_of_the_time_or_more`."""
+    """A step is so many roundings of the time at least. `test_a_step_is_hundreds_of_roundings_of_the_time`."""
     look: float = 1e-3
-    """A look ahead by this part of the shortest of the times that are known at the start.
-    `test_forces_are_looked_at_a_thousandth_ahead`."""
+    """A look ahead by this part of the shortest time that is known. `test_forces_are_looked_at_a_thousandth_ahead`."""
     slow: float = 1e-8
-    """Speeds that are less than this part of those that the accelerations make of rest are rounding.
-    `test_speeds_that_are_rounding_do_not_shorten_the_first_step`."""
+    """Less than this part of what accelerations make is rounding. `test_speeds_of_rounding_shorten_no_first_step`."""
     balanced: float = 1e-13
-    """Accelerations that are this part of what the forces alone would make are the rounding of forces that balance.
-    `test_forces_that_balance_to_rounding_give_the_scale_of_time`."""
+    """Of what the forces alone would make this part is rounding. `test_balanced_forces_give_the_scale_of_time`."""
     part: float = 0.01
-    """The error of a step of this part of the shortest time, to the power of its order, is about as large as it may be.
-    `test_the_first_step_has_the_error_of_a_hundredth_of_the_shortest_time`."""
+    """Of the shortest time this part, to the power of the order, is the error.
+    `test_the_first_step_is_as_exact_as_asked`."""
 
 
 PARAMETERS = StepLengthParameters()

@@ -27,25 +27,20 @@ class StepEndParameters:
     __slots__ = ()
 
     moved: float = 100.0
-    """The projection may move a state by this many tolerances.
-    `test_the_projection_moves_a_state_by_a_hundred_tolerances_or_ten_digits`."""
+    """The projection may move a state by this many tolerances. `test_a_projection_moves_little`."""
     moved_rounding: float = 1e-10
-    """And by this part of its size. `test_the_projection_moves_a_state_by_a_hundred_tolerances_or_ten_digits`."""
+    """And by this part of its size. `test_a_projection_moves_little`."""
     jump: int = 1024
-    """A step of so many roundings of the time may hold a jump.
-    `test_a_step_of_a_few_roundings_of_the_time_may_hold_a_jump`."""
+    """A step of so many roundings of the time may hold a jump. `test_a_step_of_a_few_roundings_may_hold_a_jump`."""
     balanced: float = 1e-14
-    """The rounding of forces that hold all at the origin, as a part of them.
-    `test_positions_that_forces_would_make_a_millionth_of_are_held_at_the_origin`."""
+    """The rounding of forces that hold all at the origin. `test_forces_hold_positions_at_the_origin`."""
     close: float = 1e-2
-    """Rows that are closer to dependent ones than this angle (rad) make the rounding of accelerations larger than
-    tolerances are, and may be why a run stops. `test_rows_closer_than_a_hundredth_amplify_the_rounding_of_forces`."""
+    """Rows at a smaller angle (rad) amplify rounding, and may be why a run stops.
+    `test_close_rows_amplify_rounding`."""
     amplified: float = 1e-16
-    """About this part of them, over the cube of the angle.
-    `test_rows_closer_than_a_hundredth_amplify_the_rounding_of_forces`."""
+    """About this part of accelerations, over the cube of the angle. `test_close_rows_amplify_rounding`."""
     written_out: int = 1000
-    """Numbers of a state up to which the step is written out in one graph.
-    `test_steps_of_a_thousand_numbers_are_written_out`."""
+    """Numbers of a state up to which a step is one graph. `test_steps_of_a_thousand_numbers_are_written_out`."""
 
 
 PARAMETERS = StepEndParameters()

@@ -36,27 +36,20 @@ class ToleranceParameters:
     __slots__ = ()
 
     tightening: float = 100.0
-    """Errors of steps add up over a run, and what is promised is about the result: the scheme is held to a hundredth of
-    the tolerance asked for. `test_steps_have_a_hundredth_of_the_tolerance_of_a_run`."""
+    """Errors of steps add up over a run: steps have this part. `test_steps_have_a_hundredth_of_the_tolerance`."""
     finest: float = 1e-14
-    """The tightest tolerance of a step: below it its error estimate is rounding.
-    `test_the_tolerance_of_a_step_is_not_below_fourteen_digits`."""
+    """The tightest of a step: below it its error is rounding. `test_a_step_has_fourteen_digits_at_most`."""
     default: float = 1e-13
-    """The absolute tolerance of a run without `atol`, as a part of the size of the motion.
-    `test_without_atol_thirteen_digits_of_the_motion_are_asked_for`."""
+    """That of a run without `atol`, of the size of the motion. `test_without_atol_thirteen_digits_are_asked_for`."""
     below: float = 1e-2
-    """Of a step it is no more than this part of the relative one.
-    `test_the_absolute_tolerance_of_a_step_is_below_the_relative_one_and_above_rounding`."""
+    """The absolute one of a step is this part of the relative one at most. `test_the_absolute_tolerance_has_bounds`."""
     least: float = 1e-16
-    """And no less than this: rounding.
-    `test_the_absolute_tolerance_of_a_step_is_below_the_relative_one_and_above_rounding`."""
+    """And no less than this: rounding. `test_the_absolute_tolerance_has_bounds`."""
     rounding: float = 1e-17
-    """A part of the size of positions that their own rounding makes invisible: in a step it moves velocities by as
-    much, divided by its length. It is below the spacing of doubles, for forces do not change by themselves in a step.
-    `test_the_rounding_of_positions_shows_in_velocities`."""
+    """The part of positions that their own rounding hides, and velocities over the length of a step; less than that of
+    a double, for forces do not change by themselves. `test_rounding_of_positions_shows_in_velocities`."""
     stages: float = 16.0
-    """An estimate of the error of a step adds up the roundings of so many stages, about.
-    `test_the_rounding_of_rows_and_forces_is_that_of_sixteen_stages`."""
+    """An estimate of the error adds up the roundings of so many stages. `test_rounding_is_that_of_sixteen_stages`."""
 
 
 PARAMETERS = ToleranceParameters()

@@ -33,14 +33,13 @@ class WorkParameters:
     nodes: int = 12
     """Nodes of a panel: a wave takes about one panel to rounding. `test_a_panel_has_twelve_nodes`."""
     most_panels: int = 2048
-    """Panels that a step is halved into: they hold some thousand waves, and take about as long as ten thousand steps.
-    `test_a_power_that_is_noise_is_given_up_after_two_thousand_panels`."""
+    """Panels of a step: some thousand waves, at the cost of ten thousand steps. `test_a_power_of_noise_is_given_up`."""
     gain: float = 4.0
-    """Halving a panel divides its error by 2^12 where the power is smooth. Where it is not divided by this though it is
-    small, it is rounding. `test_an_error_that_stays_and_is_small_is_rounding`."""
+    """An error that is not divided by this, though small, is rounding: else by 2^12.
+    `test_an_error_that_stays_and_is_small_is_rounding`."""
     doubted: float = 100.0
-    """The work is not known where it is off by more than so many tolerances of a step, and a millionth of the energy.
-    `test_work_is_known_to_a_millionth_of_the_energy_or_a_hundred_tolerances`."""
+    """It is off by so many tolerances of a step, and a millionth of the energy, at most.
+    `test_work_is_known_to_six_digits`."""
 
 
 PARAMETERS = WorkParameters()

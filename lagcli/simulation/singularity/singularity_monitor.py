@@ -22,41 +22,31 @@ class MonitorParameters:
     __slots__ = ()
 
     fewer_nodes: int = 8
-    """Gauss nodes of the step that one across is compared with: the order of its error is twice that.
-    `test_an_instant_is_found_again_until_it_is_centered`."""
+    """Gauss nodes of the step that one across is compared with. `test_an_instant_is_found_until_it_is_centered`."""
     narrow: float = 0.9
     """An angle (rad) between rows that is smaller is followed. `test_angles_that_are_wide_are_not_followed`."""
     ahead: float = 0.85
-    """A step across may begin this part of its own reach before the instant.
-    `test_a_step_across_begins_some_steps_before_the_instant`."""
+    """It may begin this part of its own reach before the instant. `test_a_step_across_begins_some_steps_before`."""
     earlier: float = 6.0
-    """Where amplified rounding counts, a step across begins so many times farther off. Soon after the start of a run,
-    where steps are short for no reason of the motion, it is the square of that.
-    `test_a_step_across_begins_some_steps_before_the_instant`."""
+    """And so many times farther off where amplified rounding counts, the square of it where steps grow.
+    `test_a_step_across_begins_some_steps_before`."""
     growing: float = 4.0
-    """A step that is this many times as long as the last one: steps grow.
-    `test_a_step_across_begins_some_steps_before_the_instant`."""
+    """Steps grow where one is this many times as long as the last. `test_a_step_across_begins_some_steps_before`."""
     shorter: float = 0.6
-    """An ordinary step goes this part of the way to the instant.
-    `test_an_ordinary_step_goes_part_of_the_way_to_the_instant`."""
+    """An ordinary step goes this part of the way. `test_an_ordinary_step_goes_part_of_the_way_to_the_instant`."""
     back: float = 0.1
-    """Rows at a start as close as that are looked at before it too, by this part of the first step.
-    `test_rows_of_a_start_that_are_close_to_dependent_are_looked_at_before_it`."""
+    """By this part of the first step. `test_close_rows_of_a_start_are_looked_at_before_it`."""
     looks: int = 4
-    """Points at which a minimum of the angle is looked for after the first three.
-    `test_a_minimum_is_looked_for_at_four_points_after_the_first`."""
+    """Points where one is looked for after the first three. `test_a_minimum_is_looked_for_at_four_points`."""
     farthest: float = 2.0
-    """How far it may lie, as a part of the time to the instant predicted.
-    `test_a_minimum_is_looked_for_up_to_twice_the_time_to_the_instant`."""
+    """How far it may lie, as a part of the time to the instant. `test_a_minimum_is_looked_for_up_to_twice_the_time`."""
     shallow: float = 0.01
-    """A minimum of less than this part of the square as it is may be zero: a step so long is not exact.
+    """One of less than this part of the square as it is may be zero.
     `test_a_minimum_of_a_hundredth_of_the_square_is_no_zero`."""
     certain: float = 0.1
-    """Rows at a smaller angle (rad) are searched at once: ordinary steps to where they may be dependent are not exact.
-    `test_rows_that_are_close_to_dependent_are_searched_at_once`."""
+    """Rows at a smaller angle (rad): steps towards them are not exact. `test_close_rows_are_searched_at_once`."""
     apart: float = 0.02
-    """Looks that are closer than this part of the time to the instant say nothing new.
-    `test_looks_that_are_close_together_say_nothing_new`."""
+    """Closer than this part of the time to the instant. `test_looks_that_are_close_together_say_nothing_new`."""
 
 
 PARAMETERS = MonitorParameters()

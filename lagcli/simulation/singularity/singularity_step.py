@@ -43,42 +43,35 @@ class SingularStepParameters:
     __slots__ = ()
 
     nodes: int = 10
-    """Gauss nodes of the step, even: no node lies in the middle, where the instant is.
+    """Gauss nodes of the step, even: none lies in the middle, where the instant is.
     `test_the_double_four_bar_goes_through_ten_crossings_at_every_tolerance`."""
     roundoff: float = 1e-13
-    """What a step of this many nodes loses by rounding, as part of the sizes.
-    `test_steps_agree_to_rounding_which_dependent_rows_amplify`."""
+    """The part of sizes that a step of these nodes loses by rounding. `test_steps_agree_to_amplified_rounding`."""
     amplified_roundoff: float = 2e-17
-    """Over delta**3 the rounding of forces close to dependent rows: a step is as right as can be where it is this
-    exact. `test_steps_agree_to_rounding_which_dependent_rows_amplify`."""
+    """The rounding of forces close to dependent rows, over delta**3. `test_steps_agree_to_amplified_rounding`."""
     centered: float = 0.04
-    """The instant is found again until it is off by this part of the time up to it.
-    `test_an_instant_is_found_again_until_it_is_centered`."""
+    """It may be off by this part of the time up to it. `test_an_instant_is_found_until_it_is_centered`."""
     most_centerings: int = 6
     """Looks for the instant before an ordinary step goes on. `test_an_instant_is_looked_for_six_times`."""
     parts: tuple[float, ...] = (0.5, 0.13, 0.35, 0.04, 0.22)
-    """Parts of a step at which the instant may lie: in its middle, or between the first nodes.
+    """Where the instant may lie in a step: in its middle, or between the first nodes.
     `test_a_crossing_soon_after_the_start`."""
     too_close: float = 0.03
-    """The angle (rad) below which a step begins so close that all parts are tried.
-    `test_all_distances_from_the_instant_are_tried_from_close_by`."""
+    """The angle (rad) below which a step begins so close. `test_all_distances_are_tried_from_close_by`."""
     looks: tuple[float, ...] = (0.15, 0.02, 0.001)
-    """Points beside the instant where the smallest angle is read, at these parts, and twice these, of twice the time up
-    to it, about the zero that those before have found; the last where rows can be followed so close: what a cubic
-    leaves out falls with the fourth power. `test_the_instant_is_read_closer_and_closer`,
-    `test_the_smallest_angle_is_a_line_through_zero`, `test_a_contact_whose_multiplier_has_a_pole_opens_there`."""
+    """Parts, and twice these, of twice the time up to the instant, where the smallest angle beside it is read, about
+    the zero found before; the last where rows can be followed so close: what a cubic leaves out falls with the fourth
+    power. `test_the_instant_is_read_closer_and_closer`, `test_the_smallest_angle_is_a_line_through_zero`,
+    `test_a_contact_whose_multiplier_has_a_pole_opens_there`."""
     bent: float = 0.1
-    """The smallest angle is a line through zero there, but for this part.
-    `test_the_smallest_angle_is_a_line_through_zero`, `test_a_crossing_soon_after_the_start`."""
+    """The smallest angle is a line through zero, but for this part. `test_the_smallest_angle_is_a_line_through_zero`,
+    `test_a_crossing_soon_after_the_start`."""
     zero_steps: int = 6
-    """Newton's steps for the zero of a cubic that is nearly a line: each doubles the digits, from one or more.
-    `test_the_zero_of_a_cubic_is_found_to_rounding`."""
+    """Newton's steps for it: each doubles the digits. `test_the_zero_of_a_cubic_is_found_to_rounding`."""
     along_step: tuple[float, ...] = (0.02, 0.2, 0.4, 0.6, 0.8, 0.9)
-    """Parts of the time to the instant where the smallest angle must fall, and rise again after it.
-    `test_the_smallest_angle_falls_all_the_way_to_the_instant`."""
+    """Parts of the time to the instant, and behind it. `test_the_smallest_angle_falls_all_the_way`."""
     halvings: int = 30
-    """A step from a singular start is halved at most so often.
-    `test_a_step_from_a_singular_start_is_halved_thirty_times`."""
+    """At most so often. `test_a_step_from_a_singular_start_is_halved`."""
     same_velocity: float = 1e-5
     """The velocities of such a step at its begin are those of the start to this part.
     `test_a_step_from_a_singular_start_has_its_velocities`,

@@ -36,19 +36,17 @@ class InterpolationParameters:
     beside: tuple[float, ...] = (0.06, 0.12, 0.2, 0.3)
     """The distances at which those stand. `test_a_column_has_no_value_on_its_pole`."""
     after: tuple[float, float, int] = 0.02, 0.7, 12
-    """Where a run begins at the instant: the window, the distance of the farthest line, and the number of lines.
+    """Where a run begins there: the window, the farthest line, and the number of lines.
     `test_a_line_at_the_instant_is_known_to_eleven_digits`."""
     broken: float = 1e-3
-    """At a kink or a jump two interpolations differ by this part of the range of a column.
-    `test_a_column_that_is_not_smooth_has_no_value_at_the_instant`."""
+    """At a kink two interpolations differ by this part of the range.
+    `test_a_column_that_is_not_smooth_has_no_value`."""
     rough: float = 1e-7
-    """What is less than this part of the column is rounding.
-    `test_a_column_that_is_not_smooth_has_no_value_at_the_instant`."""
+    """Less than this part of the column is rounding. `test_a_column_that_is_not_smooth_has_no_value`."""
     noise: float = 1e-8
     """And so is what is less than this part of the largest. `test_a_pole_that_is_rounding_beside_another_is_none`."""
     shrinks: float = 0.75
-    """Of four lines at equal distances the differences shrink by half of their distance: to less than this part.
-    `test_a_limit_is_where_differences_shrink_or_are_rounding`."""
+    """To less than this part, at half of the distance. `test_a_limit_is_where_differences_shrink`."""
 
 
 PARAMETERS = InterpolationParameters()
@@ -74,15 +72,12 @@ def interpolated(taus: Floats, lines: Floats, tau: float) -> Floats:
     carried = lines * taus[:, None]
     near = np.abs(taus) < np.abs(taus).max()
     moment = np.abs(carried).max(axis=0)
-    has_pole = np.abs(_lagrange(taus, carried, 0.0)) > np.maximum(
-        doubles.ROOT * moment, PARAMETERS.noise * moment.max()
-    )
+    least = np.maximum(doubles.ROOT * moment, PARAMETERS.noise * moment.max())
+    has_pole = np.abs(_lagrange(taus, carried, 0.0)) > least
     plain = _lagrange(taus, lines, tau)
     largest = np.abs(lines).max(axis=0)
-    allowed = np.maximum(
-        PARAMETERS.broken * np.ptp(lines, axis=0),
-        PARAMETERS.rough * largest + PARAMETERS.noise * largest.max(),
-    )
+    rounding = PARAMETERS.rough * largest + PARAMETERS.noise * largest.max()
+    allowed = np.maximum(PARAMETERS.broken * np.ptp(lines, axis=0), rounding)
     is_smooth = np.abs(plain - _lagrange(taus[near], lines[near], tau)) <= allowed
     on_pole = abs(tau) <= doubles.ROOT * float(np.abs(taus).max())
     beside = np.full(plain.shape, np.nan) if on_pole else _lagrange(taus, carried, tau) / tau

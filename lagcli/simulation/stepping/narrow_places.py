@@ -93,10 +93,8 @@ class NarrowPlaces:
         pieces = [(sample(0.0), sample(end), every, CUTS)]
         while pieces and self._values.used - used < zero_search.PARAMETERS.most_evaluations:
             left, right, wanted, cuts = pieces.pop()
-            inner, width = (
-                sample(left.x + narrow_arguments.PARAMETERS.inner * (right.x - left.x)),
-                right.x - left.x,
-            )
+            width = right.x - left.x
+            inner = sample(left.x + narrow_arguments.PARAMETERS.inner * width)
             ends = left.u, width * left.slope, inner.u, right.u, width * right.slope
             # A part of a wave is smaller than the wave.
             units = narrow_arguments.PARAMETERS.units if cuts == CUTS else 0.0

@@ -104,18 +104,26 @@ class StepTrial:
         bound, control = self._bound, self._control
         bound.h[0], self.has_dense = taken, False
         bound.look_at_rounding()
-        is_witnessed = self.rows.defect is not None
-        (bound.staged if has_stages or is_witnessed else bound.step).trigger()
+        defect = self.rows.defect
+        (bound.staged if has_stages or defect is not None else bound.step).trigger()
         self._statistics.evaluations += self._method.evaluations
         scheme_error, moved, hidden, residual, _, _, everything, _ = bound.status
         projected, error = residual <= MOST_RESIDUAL, max(scheme_error, moved)
         if hidden < 0.0 and taken > HIDING * min(control.step, longest):
             error = max(error, HIDDEN)
         if error < 1.0 and projected and math.isfinite(everything):
-            if not is_witnessed:
+            if defect is None:
                 return error, 0.0
-            unseen = self._unseen(reached, taken, control.grown(taken, error, math.inf) > 2 * taken)
-            return (error, 0.0) if unseen == math.inf else (UNSEEN, unseen - bound.t[0])
+            # The first time within the step at which the forces are not those it was made of.
+            is_growing, t, rows = control.grown(taken, error, math.inf) > 2 * taken, bound.t[0], self.rows
+            for at in self._compared.within(t, reached, self.dense, is_growing):
+                self.make_dense()
+                rows.at[0], rows.x[0] = self._compared.origin + at, (at - t) / taken
+                defect.trigger()
+                self._statistics.evaluations += 1
+                if defect.results[0][0] > FORGIVEN:
+                    return UNSEEN, at - t
+            return error, 0.0
         # `not error < 1` also holds for nan: then nothing is known but that the step was too large.
         is_known = math.isfinite(error) and error >= 1.0 and projected
         return error, control.smaller(taken, error, is_known)
@@ -124,19 +132,6 @@ class StepTrial:
         """True where the time has too few roundings in a step; rejected: the end of the one tried before it."""
         t = self._bound.t[0]
         return t + taken / self._fewest == t or (self._fewest == 1 and t + taken >= rejected)
-
-    def _unseen(self, reached: float, taken: float, is_growing: bool) -> float:
-        """The first time within a step at which the forces are not those it was made of; infinite where they are."""
-        t, rows, defect = self._bound.t[0], self.rows, self.rows.defect
-        assert defect is not None, "a run with witnesses compares"
-        for at in self._compared.within(t, reached, self.dense, is_growing):
-            self.make_dense()
-            rows.at[0], rows.x[0] = self._compared.origin + at, (at - t) / taken
-            defect.trigger()
-            self._statistics.evaluations += 1
-            if defect.results[0][0] > FORGIVEN:
-                return at
-        return math.inf
 
     def make_dense(self, is_retaken: bool = False) -> None:
         """Make the dense output of the step, once; is_retaken: of one that was tried without keeping its stages."""
@@ -167,9 +162,8 @@ class StepTrial:
         """The state (2n + 1,) to which the step leads without integrals; None where it is not right without them."""
         bound, plain = self._bound, self._bound.enforced.plain
         *arguments, _ = bound.step.arguments
-        step = BoundFunction(
-            plain.functions.scheme(self._method).step, [*arguments, plain.parameters], wanted=3
-        )
+        function = plain.functions.scheme(self._method).step
+        step = BoundFunction(function, [*arguments, plain.parameters], wanted=3)
         step.trigger()
         self._statistics.evaluations += self._method.evaluations
         new, _, (error, moved, _, residual, _, _, everything, _) = step.results

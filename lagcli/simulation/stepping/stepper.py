@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -245,6 +245,10 @@ class Stepper:
         """Count evaluations of the right-hand side."""
         self.statistics.evaluations += evaluations
 
+    def note(self, **changes: Any) -> None:
+        """Go on with other fields of the contacts."""
+        self.contacts = dataclasses.replace(self.contacts, **changes)
+
     def let_go(self, reached: float, new: Floats) -> None:
         """Leave the integrals that do not lead to a state ahead, or take other charts of them."""
         bound = self.bound
@@ -320,7 +324,7 @@ class Stepper:
         if not step.is_balanced:
             statistics.mark_work_unknown()
         if step.deepest > self.contacts.deepest:
-            self.contacts = dataclasses.replace(self.contacts, deepest=step.deepest)
+            self.note(deepest=step.deepest)
         if step.singular_step is not None:
             if step.singular_step.instant > self.t:
                 self.watch = SingularityMonitor()  # it is to be seen again: the step has ended before

@@ -45,26 +45,22 @@ class StopParameters:
     __slots__ = ()
 
     behind: float = 1e-2
-    """An incident within this part of the run before is reported: a step across must begin some way off.
-    `test_an_incident_within_a_hundredth_of_the_run_before_is_reported`."""
+    """Within this part of the run: a step across begins some way off. `test_an_incident_just_before_is_reported`."""
     weighed: float = 1e-4
-    """Rows that are independent in themselves, but this close to dependent ones in the mass metric, amplify rounding so
-    much that a step may not reach its tolerance: masses differ by 1e8.
-    `test_inertias_that_differ_are_the_reason_of_a_stop_from_four_digits_on`."""
+    """Rows so close in the mass metric alone amplify rounding: masses differ by 1e8.
+    `test_inertias_that_differ_stop_a_run`."""
     order: float = 0.25
-    """At three times the distance from a pole of this order rates are 3^-order of what they are. Weaker ones change
-    velocities by nothing that counts in a few roundings of the time.
-    `test_a_pole_is_of_the_order_of_a_quarter_at_least`."""
+    """At three times the distance from a pole of this order rates are 3^-order of what they are; weaker ones do not
+    count in a few roundings of the time. `test_a_pole_is_of_the_order_of_a_quarter_at_least`."""
     near: float = 1e-8
-    """How close the two sides of a point are looked at: a run stops within rounding of a jump.
-    `test_a_jump_is_seen_within_rounding_of_the_point`."""
+    """How close the sides of a point are looked at. `test_a_jump_is_seen_within_rounding_of_the_point`."""
     far: float = 1e-5
-    """And from farther off: a run stops some way before the end of a function, where its steps have become too short.
+    """And from farther off, where steps have become too short.
     `test_the_end_of_a_function_is_seen_from_farther_off`."""
     reaches: tuple[float, ...] = (1.0, 1e2, 1e3, 1e4)
     """So many times these distances, in turn. `test_the_end_of_a_row_is_looked_for_a_tenth_ahead`."""
     part_of_run: float = 1e-3
-    """A configuration is as large as the way of this part of the run, or larger.
+    """A configuration is as large as the way of this part of the run.
     `test_a_jump_is_seen_within_rounding_of_the_point`."""
 
 

@@ -30,35 +30,29 @@ class TimetableParameters:
     __slots__ = ()
 
     rows: int = 1024
-    """Rows of the table in a piece of time that is looked through at once, about.
+    """Rows of the table in a piece that is looked through at once, about.
     `test_a_piece_of_time_holds_a_thousand_rows`."""
     most_halvings: int = 14
-    """How often a piece is halved in which there is too much to find, less often the more there is to evaluate.
-    `test_a_piece_that_holds_too_much_is_halved_thirteen_times_for_one_function`."""
+    """So often, less where there is more to evaluate. `test_a_piece_with_too_much_is_halved`."""
     most_cells: int = 2**12
     """Cells of a piece at a time that are halved further. `test_no_more_than_four_thousand_cells_are_halved`."""
     most_values: int = 2**21
     """Values in all cells at a time, each of 16 bytes. `test_no_more_than_two_million_values_are_made_at_once`."""
     run: int = 16
-    """A cell that holds a switch is halved down to neighbouring doubles. Rounding alone may fill more than this: then
-    they stay as they are from the digits of zeros on. `test_cells_in_a_long_row_are_not_halved_below_nine_digits`."""
+    """Cells in a row that are halved down to doubles: rounding alone may fill more.
+    `test_cells_in_a_long_row_have_nine_digits`."""
     offset: int = 4
-    """Steps keep so many roundings of the time away from a switch.
-    `test_steps_keep_four_roundings_of_the_time_from_a_switch`."""
+    """Steps keep so many roundings of the time away. `test_steps_keep_four_roundings_of_the_time_from_a_switch`."""
     still: int = 256
-    """States stand still across a switch that is known to so many roundings of the time, and across no wider one.
-    `test_states_stand_still_across_a_few_hundred_roundings`."""
+    """A switch is no wider than so many. `test_states_stand_still_across_hundreds_of_roundings`."""
     grain: float = doubles.EPS / 1024
-    """Near t = 0 this part of a piece takes the place of a rounding.
-    `test_near_zero_a_part_of_a_piece_takes_the_place_of_a_rounding`."""
+    """This part of a piece, near t = 0. `test_near_zero_there_is_another_rounding`."""
     change: float = 0.25
-    """A cell is halved until no function changes by more than this part of its range in it.
-    `test_cells_are_halved_until_functions_change_by_a_quarter`."""
+    """By no more of its range in a cell. `test_cells_are_halved_until_functions_change_by_a_quarter`."""
     shortest: float = doubles.EPS * 2**16
     """But not below this part of the piece. `test_cells_of_a_jump_are_halved_thirty_six_times`."""
     between: float = 0.5
-    """Between stations a function goes up and down by this part of its range in all, and by that of a cell. A step
-    passes one at most; a pulse goes up and down by two.
+    """In all, and by that of a cell; a step passes one station, and a pulse is two.
     `test_between_stations_functions_change_by_half_their_range`."""
 
 
@@ -90,12 +84,10 @@ class Timetable:
         self._functions, self._start, self._longest = functions, start, longest
         self._passing = passing
         # A power of 2; one that is no double is longer than any run.
-        exponent = (
-            math.ceil(math.log2(PARAMETERS.rows) + math.log2(row_step))
-            if row_step > 0
-            else sys.float_info.max_exp
-        )
-        self._piece = math.ldexp(1.0, exponent) if exponent < sys.float_info.max_exp else math.inf
+        exponent = most = sys.float_info.max_exp
+        if row_step > 0:
+            exponent = math.ceil(math.log2(PARAMETERS.rows) + math.log2(row_step))
+        self._piece = math.ldexp(1.0, exponent) if exponent < most else math.inf
         # All up to a time is known; pieces from there on that are looked through next, the first last.
         self._known = -math.inf
         self._open: list[tuple[float, float, int]] = []
@@ -163,9 +155,9 @@ class Timetable:
             if len(self._stationary_times) > passed or (self._switches and self._switches[-1].before > t):
                 break
             if not self._open:
-                first = (
-                    self._known if math.isfinite(self._known) else math.floor(t / self._piece) * self._piece
-                )
+                first = self._known
+                if not math.isfinite(first):
+                    first = math.floor(t / self._piece) * self._piece
                 self._open.append((first, first + self._piece, self._halvings))
             self._search(t, *self._open.pop())
 
