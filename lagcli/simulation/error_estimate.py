@@ -185,7 +185,7 @@ class Parting:
 
 class RepeatedRunParameters:
     """The repeated run, and what the distance of the two says of the error. The tests are of
-    `tests/unit/test_numbers_of_steps.py`."""
+    `tests/unit/test_numbers_of_steps.py` and `tests/unit/test_numbers_of_starts.py`."""
 
     __slots__ = ()
 

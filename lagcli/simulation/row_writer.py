@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lagcli.simulation.run_state.run_stop import NOT_FINITE, StepFailure
 from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.grid import AT_END
 from lagcli.simulation.stepping.step_trial import BESIDE
@@ -153,43 +154,18 @@ class RowWriter:
             self._put_line(step)
         return True
 
-    def _limit_row(self, step: FoundStep) -> None:
-        """A row within a step at a point where the rows of B, or the levels of integrals, have no direction.
-
-        Where the integrals are the reason, it is the row without them. Else it is the limit along the motion, from
-        two points on either side, where all columns have one: their differences then shrink with the distance,
-        and where one has a jump or a pole they do not.
-        """
-        from lagcli.simulation.stepping import interpolate_rows
-
-        run, rows, enforced = self._stepper, self._stepper.trial.rows, self._stepper.bound.enforced
-        at, x, taken = rows.at[0], rows.x[0], step.taken
-        if enforced.is_any:
-            inside = enforced.plain.functions.scheme(run.method).line_inside
-            plain = np.array(inside(at, x, run.bound.y, rows.dense.results[0], enforced.p)).ravel()
-            if math.isfinite(plain[-1]):
-                rows.line[:] = plain
-                return
-        lines = []
-        for side in (-2, -1, 1, 2):
-            rows.x[0], rows.at[0] = x + side * BESIDE, at + side * BESIDE * taken
-            rows.inside.trigger()
-            lines.append(rows.line.copy())
-        rows.at[0] = at
-        rows.line[:] = interpolate_rows.between(np.array(lines))
-        rows.line[0] = at
-
     def _put_line(self, step: FoundStep | None = None) -> None:
         """Write the line at hand as the next row, within a step or where the run stands."""
         run, line = self._stepper, self._stepper.trial.rows.line
         if not math.isfinite(run.trial.rows.cells[-1]) and (step is None or step.singular_step is None):
             if step is not None and run.row_time < step.reached:
-                self._limit_row(step)
+                line[:] = self._limit(step)
             bad = np.flatnonzero(~np.isfinite(line[:-1]))
             if bad.size:  # else the sum overflowed, and nothing else
-                from lagcli.simulation.stepping import stop_diagnosis
-
-                raise stop_diagnosis.row_not_finite(self._columns, int(bad[0]) - 1, run.trial.rows.at[0])
+                # Beyond the columns are energies.
+                names = [f"the column `{name}`" for name in self._columns] + ["the energy balance"]
+                what = names[min(int(bad[0]) - 1, len(names) - 1)]
+                raise StepFailure(f"{what} is not finite at t = {run.trial.rows.at[0]:.9g}", NOT_FINITE)
         if step is not None and step.work is not None:
             line[WORK] = step.work.at(run.row_time)
         self._require_pushes(line[None, :])
@@ -199,6 +175,30 @@ class RowWriter:
         if self._ends_only:
             self.next_row = max(self.next_row, self.grid.count - 1)
         run.row_time = self.grid.time(self.next_row)
+
+    def _limit(self, step: FoundStep) -> Floats:
+        """A row within a step at a point where the rows of B, or the levels of integrals, have no direction.
+
+        Where the integrals are the reason, it is the row without them. Else it is the limit along the motion, from two
+        points on either side: differences then shrink with the distance, and at a jump or a pole they do not.
+        """
+        from lagcli.simulation.stepping import interpolate_rows
+
+        run, rows, enforced = self._stepper, self._stepper.trial.rows, self._stepper.bound.enforced
+        at, x, lines = rows.at[0], rows.x[0], []
+        if enforced.is_any:
+            inside = enforced.plain.functions.scheme(run.method).line_inside
+            plain = np.array(inside(at, x, run.bound.y, rows.dense.results[0], enforced.p)).ravel()
+            if math.isfinite(plain[-1]):
+                return plain
+        for side in (-2, -1, 1, 2):
+            rows.x[0], rows.at[0] = x + side * BESIDE, at + side * BESIDE * step.taken
+            rows.inside.trigger()
+            lines.append(rows.line.copy())
+        rows.at[0] = at
+        found = interpolate_rows.between(np.array(lines))
+        found[0] = at
+        return found
 
     def deepest(self, rows: Floats) -> float:
         """The largest -g_j over rows (k, columns), t first; 0 where none is below zero."""

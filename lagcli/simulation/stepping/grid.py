@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.frozen import frozen_value
 from lagcli.model.settings import Simulation
 from lagcli.smoothness.time_functions import TimeFunctions
+
+if TYPE_CHECKING:
+    from lagcli.simulation.scheme.bound_scheme import BoundStep
+    from lagcli.simulation.stepping.narrow_places import NarrowPlaces
+
+# Parts of a step (k,) -> its states (2n + 1, k).
+Dense = Callable[[npt.NDArray[np.float64] | float], npt.NDArray[np.float64]]
 
 # Where t stands in a function together with coordinates, or a function of place may be narrow, nothing is known
 # beforehand, and there are as many witnesses for each row. A step over as many rows has stages no farther apart than
@@ -74,35 +85,51 @@ def of_run(settings: Simulation, origin: float = 0.0) -> Grid:
 
 
 class Witnesses:
-    """The times of the rows of a grid, and others between them at equal distances, as far as a model needs them.
+    """The times at which steps are compared with the equations: rows of a grid, others between them at equal distances,
+    as far as a model needs them, and where its narrow functions are passed; the grid is counted from `origin`.
 
-    is_again: for a run that repeats another.
+    is_again: for a run that repeats another; is_any: there are any at all.
     """
 
-    def __init__(self, grid: Grid, functions: TimeFunctions | None, is_again: bool = False) -> None:
+    def __init__(
+        self, grid: Grid, functions: TimeFunctions | None, origin: float = 0.0, is_again: bool = False
+    ) -> None:
         self._grid, self._shift, self._is_again = grid, SHIFT if is_again else 0.0, is_again
+        self.origin = origin
+        self._places: NarrowPlaces | None = None
         self._has_time, self._of_time = functions is not None, 0
         if functions is not None:
             self._of_time = MORE if functions.is_mixed else 0 if functions.is_bounded else 1
-        self.choose(False)
 
-    def choose(self, has_narrow: bool) -> None:
-        """Take as many as are needed from now on; has_narrow: where a function of place may be narrow."""
-        parts = MORE if has_narrow else self._of_time
+    def bind(self, bound: BoundStep) -> None:
+        """Take as many as are needed from now on, with the functions of a run."""
+        parts = MORE if bound.numeric.has_narrow_functions else self._of_time
         is_asked = parts > 0 or self._has_time
         self._parts = max(LEAST, 2 * parts + 1) if self._is_again and is_asked else parts
         self._longest = 0.0 if self._of_time or self._is_again else MORE * self._grid.step
+        self.is_any = self._parts > 0
+        arguments, self._places = bound.enforced.plain.functions.numeric.narrow_arguments, None
+        if arguments is not None:
+            from lagcli.simulation.stepping.narrow_places import NarrowPlaces
 
-    @property
-    def is_any(self) -> bool:
-        """True if there are any at all."""
-        return self._parts > 0
+            self._places = NarrowPlaces(arguments, bound)
 
-    def inside(self, t: float, reached: float, is_growing: bool = False) -> Iterator[float]:
-        """The times of rows strictly between two times, none where the stages of a step between them are witnesses.
+    def within(
+        self, t: float, reached: float, dense: Callable[[], Dense], is_growing: bool
+    ) -> Iterator[float]:
+        """The times within a step between two times; dense() gives its states (2n + 1, k) at parts (k,) of it;
+        is_growing: the step is far shorter than its error lets it be, for no force has set its length."""
+        yield from self._inside(t, reached, is_growing)
+        if self._places is None or not self._places.are_passed(self.origin + t):
+            return
+        taken, states = reached - t, dense()
+        for x in self._places.within(lambda x: states(x).ravel(), min(1.0, (self._grid.end - t) / taken)):
+            at = t + x * taken
+            if t + OFFSET * math.ulp(t) < at < reached:
+                yield at
 
-        is_growing: the step is far shorter than its error lets it be: no force has set its length.
-        """
+    def _inside(self, t: float, reached: float, is_growing: bool) -> Iterator[float]:
+        """The times of rows strictly between two times, none where the stages of a step between them are witnesses."""
         grid, parts = self._grid, self._parts
         longest = min(self._longest, grid.step) if is_growing else self._longest
         if not parts or not grid.step or reached - t <= longest:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -16,46 +14,10 @@ from lagcli.simulation.scheme.bound_scheme import BoundRows, BoundStep
 from lagcli.simulation.scheme.controller import StepController
 from lagcli.simulation.scheme.method import Method
 from lagcli.simulation.stepping.found_step import FoundStep
-from lagcli.simulation.stepping.grid import OFFSET, Grid, Witnesses
+from lagcli.simulation.stepping.grid import Dense, Witnesses
 from lagcli.smoothness import named_functions
 
-if TYPE_CHECKING:
-    # Most models have no narrow functions.
-    from lagcli.simulation.stepping.narrow_places import NarrowPlaces
-
 Floats = npt.NDArray[np.float64]
-# Parts of a step (k,) -> its states (2n + 1, k).
-Dense = Callable[[Floats | float], Floats]
-
-
-class ComparedTimes:
-    """Those of a run with the functions that it has now; times are counted from its `origin`; is_any: it has witnesses,
-    without which no step is compared."""
-
-    def __init__(self, bound: BoundStep, grid: Grid, origin: float, witnesses: Witnesses) -> None:
-        self._grid, self.origin, self._witnesses = grid, origin, witnesses
-        self.is_any = witnesses.is_any
-        self._places: NarrowPlaces | None = None
-        arguments = bound.enforced.plain.functions.numeric.narrow_arguments
-        if arguments is not None:
-            from lagcli.simulation.stepping.narrow_places import NarrowPlaces
-
-            self._places = NarrowPlaces(arguments, bound)
-
-    def within(
-        self, t: float, reached: float, dense: Callable[[], Dense], is_growing: bool
-    ) -> Iterator[float]:
-        """The times within a step between two times; dense() gives its states (2n + 1, k) at parts (k,) of it;
-        is_growing: as `Witnesses.inside` takes it."""
-        yield from self._witnesses.inside(t, reached, is_growing)
-        if self._places is None or not self._places.are_passed(self.origin + t):
-            return
-        taken = reached - t
-        states = dense()
-        for x in self._places.within(lambda x: states(x).ravel(), min(1.0, (self._grid.end - t) / taken)):
-            at = t + x * taken
-            if t + OFFSET * math.ulp(t) < at < reached:
-                yield at
 
 
 # A projected state off the constraints by more than this part of its size was not reached by Newton: a smaller step.
@@ -82,17 +44,17 @@ class StepTrial:
         self,
         bound: BoundStep,
         method: Method,
-        compared: ComparedTimes,
+        witnesses: Witnesses,
         control: StepController,
         statistics: RunStatistics,
     ) -> None:
-        self._bound, self._method, self._compared = bound, method, compared
+        self._bound, self._method, self._witnesses = bound, method, witnesses
         self._control, self._statistics = control, statistics
         # Where t occurs, a step has its stages at times that are told apart; without, the jump of a force may be
         # crossed in one rounding. That of a row may not: the velocity would have to jump.
         has_time, model = bound.numeric.has_time, bound.enforced.system.model
         self._fewest = 1 if not has_time and named_functions.only_forces_may_jump(model) else 64
-        self.rows = BoundRows(bound, method, compared.is_any)
+        self.rows = BoundRows(bound, method, witnesses.is_any)
         self.has_dense = False
 
     def attempt(self, reached: float, taken: float, has_stages: bool, longest: float) -> tuple[float, float]:
@@ -116,9 +78,9 @@ class StepTrial:
                 return error, 0.0
             # The first time within the step at which the forces are not those it was made of.
             is_growing, t, rows = control.grown(taken, error, math.inf) > 2 * taken, bound.t[0], self.rows
-            for at in self._compared.within(t, reached, self.dense, is_growing):
+            for at in self._witnesses.within(t, reached, self.dense, is_growing):
                 self.make_dense()
-                rows.at[0], rows.x[0] = self._compared.origin + at, (at - t) / taken
+                rows.at[0], rows.x[0] = self._witnesses.origin + at, (at - t) / taken
                 defect.trigger()
                 self._statistics.evaluations += 1
                 if defect.results[0][0] > FORGIVEN:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from lagcli import doubles
 from lagcli.model.settings import Simulation
 from lagcli.simulation.run_state.between_steps import RunState, Turns
-from lagcli.simulation.run_state.run_stop import StepFailure
+from lagcli.simulation.run_state.run_stop import NO_SOLUTION, StepFailure
 from lagcli.simulation.run_state.statistics import RunStatistics, counted, named
 from lagcli.simulation.scheme import invariants, method, step_tolerance
 from lagcli.simulation.scheme.bound_scheme import BoundStep
@@ -23,7 +23,7 @@ from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.singularity.singularity_monitor import NEVER, SingularityMonitor
 from lagcli.simulation.stepping.found_step import Cut, FoundStep
 from lagcli.simulation.stepping.grid import Grid, Witnesses
-from lagcli.simulation.stepping.step_trial import UNSEEN, ComparedTimes, StepTrial
+from lagcli.simulation.stepping.step_trial import UNSEEN, StepTrial
 from lagcli.simulation.stepping.timetable import Timetable
 from lagcli.smoothness.time_functions import TimeFunctions
 from lagcli.start.initial import State
@@ -60,7 +60,7 @@ class Stepper:
         self.tolerance = step_tolerance.of_steps(settings, resting.acceleration)
         self.method = method.of(settings)
         self.timetable = Timetable(timed, grid.start, grid.step, settings.max_step or math.inf, 1 - is_again)
-        self._witnesses = Witnesses(grid, timed, is_again)
+        self._witnesses = Witnesses(grid, timed, self.origin, is_again)
         self._turns = Turns(enforced.system)
         self.t, self.row_time, self.keeps_stages = state.t, math.inf, False
         self.found: FoundStep | None = None
@@ -82,9 +82,8 @@ class Stepper:
 
     def _bind(self, enforced: EnforcedInvariants, y: Floats, k: Floats, blurred: bool | None = None) -> None:
         self.bound = BoundStep(enforced, self.method, y.copy(), self.tolerance)
-        self._witnesses.choose(enforced.functions.numeric.has_narrow_functions)
-        compared = ComparedTimes(self.bound, self.grid, self.origin, self._witnesses)
-        self.trial = StepTrial(self.bound, self.method, compared, self.control, self.statistics)
+        self._witnesses.bind(self.bound)
+        self.trial = StepTrial(self.bound, self.method, self._witnesses, self.control, self.statistics)
         self.bound.begin(self.t, k, self.grid.step, blurred)
 
     def state(self) -> RunState:
@@ -277,9 +276,10 @@ class Stepper:
         if step.barrier is not None:
             self.t = step.reached
             self._keep(step)
-            from lagcli.simulation.stepping import stop_diagnosis
-
-            raise stop_diagnosis.impulse(step.barrier.description)
+            raise StepFailure(
+                f"{step.barrier.description}: the force is an impulse, which the equations of motion do not describe",
+                NO_SOLUTION,
+            )
         self.stand(step.reached, bound.new, bound.k_new)
         control.step = step.proposed
         self._keep(step)

@@ -75,26 +75,23 @@ def reason(system: System, numeric: NumericSystem, state: State) -> str:
     there."""
     if not system.rows.rows:
         return ""
-    ways = [(reach, _along(state, reach, time_scale(system, state))) for reach in PARAMETERS.reaches]
-    found_sides = [
-        (reach, states, Sides(tuple(_rows(numeric, x) for x in states), _rounding(numeric, states[1])))
-        for reach, states in ways
-    ]
-    for reach, states, seen in found_sides:
-        # A jump of a value first: close to it cancellation spoils the gradient too.
-        hit = np.flatnonzero(seen.jumps()[: system.holonomic_count])
-        if hit.size and reach < PARAMETERS.reaches[-1]:
-            row = int(hit[0])
-            return _sentence(system, row, "jumps", True, _call(system, row, states))
-    for reach, states, seen in found_sides:
-        kinds = [("ends", seen.ends())]
-        if reach < PARAMETERS.reaches[-1]:
-            kinds += [("jumps", seen.jumps()), ("grows", seen.grows())]
-        for kind, found in kinds:
-            hit = np.flatnonzero(found)
-            if hit.size:
-                part, row = divmod(int(hit[0]), len(system.rows.rows))
-                return _sentence(system, row, kind, part == 0, _call(system, row, states))
+    scale, last, seen = time_scale(system, state), PARAMETERS.reaches[-1], []
+    for reach in PARAMETERS.reaches:
+        states = _along(state, reach, scale)
+        values = tuple(_rows(numeric, x) for x in states)
+        seen.append((reach < last, states, Sides(values, _rounding(numeric, states[1]))))
+    # A jump of a value first: close to it cancellation spoils the gradient too.
+    count = system.holonomic_count
+    looks = [(states, "jumps", sides.jumps()[:count]) for is_close, states, sides in seen if is_close]
+    for is_close, states, sides in seen:
+        looks.append((states, "ends", sides.ends()))
+        if is_close:
+            looks += [(states, "jumps", sides.jumps()), (states, "grows", sides.grows())]
+    for states, kind, found in looks:
+        hit = np.flatnonzero(found)
+        if hit.size:
+            part, row = divmod(int(hit[0]), len(system.rows.rows))
+            return _sentence(system, row, kind, part == 0, _call(system, row, states))
     return ""
 
 
@@ -285,20 +282,6 @@ def of_forces(numeric: NumericSystem, state: State) -> float:
     """The largest acceleration of a coordinate that forces alone make."""
     sizes = np.array(numeric.sizes(state.t, state.q, state.v, state.p)).ravel()
     return float(sizes[: state.q.size].max(initial=0.0) * sizes[-1])
-
-
-def impulse(reported: str) -> StepFailure:
-    """The failure where an energy or a position jumps; reported: what does."""
-    return StepFailure(
-        f"{reported}: the force is an impulse, which the equations of motion do not describe", NO_SOLUTION
-    )
-
-
-def row_not_finite(columns: tuple[str, ...], column: int, t: float) -> StepFailure:
-    """The failure where a row cannot be written; column: the number of what has no value, of energies beyond the
-    columns."""
-    what = f"the column `{columns[column]}`" if column < len(columns) else "the energy balance"
-    return StepFailure(f"{what} is not finite at t = {t:.9g}", NOT_FINITE)
 
 
 def jump(enforced: EnforcedInvariants, here: State) -> str:
