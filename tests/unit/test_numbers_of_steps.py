@@ -16,7 +16,6 @@ from lagcli.simulation.closed_contacts.contact_instant import ContactInstant
 from lagcli.simulation.events.singular_event import SingularEvent
 from lagcli.simulation.loop import RunStart
 from lagcli.simulation.scheme import bound_scheme, step_end, step_tolerance
-from lagcli.simulation.scheme.step_end import StepInputs
 from lagcli.simulation.singularity import singularity_monitor, singularity_step
 from lagcli.simulation.singularity.singularity_monitor import Prediction, SingularityMonitor
 from lagcli.simulation.stepping import interpolate_rows, stop_diagnosis
@@ -153,7 +152,7 @@ def test_steps_of_a_thousand_numbers_are_written_out(n, sort, monkeypatch):
     numeric = SimpleNamespace(
         n=n, has_time=False, project=lambda t, y, p: (y, y, ca.MX.zeros(3), ca.MX.ones(n + 3))
     )
-    step = StepInputs(ca.MX(0), ca.MX(1), state, state, ca.MX.zeros(6), ca.MX.zeros(0))
+    step = [ca.MX(0), ca.MX(1), state, state, ca.MX.zeros(6), ca.MX.zeros(0)]
     step_end.ended(numeric, step, state, [state], lambda h, estimate: estimate)
     assert sorts == [sort]
 

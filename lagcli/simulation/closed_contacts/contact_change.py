@@ -133,7 +133,7 @@ def _pressed(after: ContactInstant, lifted: Numbers, is_low: bool = False) -> tu
 def law(here: ContactInstant, near: Numbers, e: Floats) -> impact_law.LawResult:
     """The impact of the contacts `near` with coefficients e (K,). Raises `ContactsUndecided`."""
     try:
-        if near.size == 1 and here.has_independent_rows:
+        if near.size == 1 and here.values.has_independent_rows:
             j = int(near[0])
             single = impact_law.single(here.state.v, float(here.speeds[j]), float(e[j]), here.response(j))
             if single is not None:

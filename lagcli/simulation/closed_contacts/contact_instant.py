@@ -63,13 +63,12 @@ class ContactParameters:
 
 
 class ContactRowValues:
-    """The contacts of one system as functions of numbers, bound to memory; equality_count: C.
-
-    `numeric` is of the system with any contacts closed.
-    """
+    """The contacts of one system as functions of numbers, bound to memory; equality_count: C; `numeric` is of the
+    system with any contacts closed; has_independent_rows: no equality row is redundant."""
 
     def __init__(self, numeric: NumericSystem, equality_count: int) -> None:
         self.numeric, self.equality_count = numeric, equality_count
+        self.has_independent_rows = not numeric.selection.dependencies
         n, p = numeric.n, numeric.contacts.numel_in(3)
         self._arguments = [np.zeros(size) for size in (1, n, n, p, contact_values.CHOSEN)]
         self._bound = BoundFunction(numeric.contact_values, self._arguments)
@@ -139,13 +138,9 @@ class ContactInstant:
         first, last = count * K + values.row.size, packed.size - len(MotionNumbers._fields)
         self._entries, self.units = packed[count * K : first], packed[first:last]
         self._motion = MotionNumbers(*packed[last:].tolist())
+        self.size = self._motion.size
         # Of contacts that were asked for together; None of those that are not few, or not apart.
         self._few: dict[tuple[int, ...], FewContacts | None] = {}
-
-    @property
-    def size(self) -> float:
-        """The size of the motion."""
-        return self._motion.size
 
     def moved(self, v: Floats) -> ContactInstant:
         """The instant at another velocity (n,)."""
@@ -240,11 +235,6 @@ class ContactInstant:
         rows = np.repeat(np.arange(contacts.size), [each.size for each in entry_indices])
         return sparse(rows, values.column[taken], self._entries[taken], (contacts.size, self.state.q.size))
 
-    @property
-    def has_independent_rows(self) -> bool:
-        """True where no equality row is redundant."""
-        return not self.values.numeric.selection.dependencies
-
     def response(self, contact: int) -> Response:
         """The effect of an impulse of one contact, with all equality rows."""
         values = self.values
@@ -258,7 +248,7 @@ class ContactInstant:
     def few(self, contacts: Numbers) -> FewContacts | None:
         """Contacts that are few and stand well apart from each other and from equality rows, of which none is
         redundant; None where they do not."""
-        if not (0 < contacts.size <= impact_law.PARAMETERS.most and self.has_independent_rows):
+        if not (0 < contacts.size <= impact_law.PARAMETERS.most and self.values.has_independent_rows):
             return None
         key = tuple(contacts.tolist())
         if key not in self._few:

@@ -54,11 +54,27 @@ class SingularEvent(Event):
         if isinstance(found, Selection):
             run.bind(bound.enforced.keeping(found))
             run.watch = SingularityMonitor()
-        elif found is not None:
+            return None
+        if found is not None:
             return self._across(found)
-        elif bound.enforced.is_any:
-            return self._passes_without_integrals()
-        return None
+        if not bound.enforced.is_any:
+            return None
+        # Integrals may be the reason why there is no step, for they may have no direction at the instant. Those that
+        # hold beyond it are retained, else they are released.
+        from lagcli.simulation.scheme import collocation
+
+        enforced = bound.enforced.plain
+        plain = enforced.functions.numeric
+        project = BoundFunction(plain.project, [np.zeros(1), np.zeros(bound.y.size), enforced.parameters])
+        found = singularity_step.across(plain, project, self._point, predicted)
+        run.count(project.used)
+        if not isinstance(found, singularity_step.SingularStep):
+            return None
+        reached, new = found.step.t + found.step.h, found.step.state(1.0)
+        if collocation.projected(bound.scratch, reached, new) is not None:
+            return self._across(found)
+        run.let_go(reached, new)
+        return self.passes()
 
     def _across(self, singular_step: SingularStep) -> FoundStep:
         """The step across, with an incident for each row that takes part; none where the run begins."""
@@ -89,29 +105,6 @@ class SingularEvent(Event):
 
         left = run.watch.foreseen.instant - run.t
         return singularity_monitor.is_dip(square, run.watch.seen[component], left)
-
-    def _passes_without_integrals(self) -> FoundStep | None:
-        """Pass it where integrals are the reason why there is no step: they may have no direction at the instant.
-
-        Those that hold beyond it are retained, else they are released.
-        """
-        from lagcli.simulation.scheme import collocation
-        from lagcli.simulation.singularity import singularity_step
-
-        run, bound = self._stepper, self._stepper.bound
-        enforced = bound.enforced.plain
-        plain = enforced.functions.numeric
-        project = BoundFunction(plain.project, [np.zeros(1), np.zeros(bound.y.size), enforced.parameters])
-        found = singularity_step.across(plain, project, self._point, run.watch.foreseen)
-        run.count(project.used)
-        if not isinstance(found, singularity_step.SingularStep):
-            return None
-        step = found.step
-        reached, new = step.t + step.h, step.state(1.0)
-        if collocation.projected(bound.scratch, reached, new) is not None:
-            return self._across(found)
-        run.let_go(reached, new)
-        return self.passes()
 
     @property
     def _point(self) -> Point:

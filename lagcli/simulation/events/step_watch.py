@@ -186,10 +186,11 @@ def pulls(names: list[str]) -> StepFailure:
 
 
 class SingularStepWatch:
-    """w (W,) of `WatchFunctions` along the step that was found."""
+    """w (W,) of `WatchFunctions` along the step that was found, which is singular at the fraction `instant` of it."""
 
     def __init__(self, functions: WatchFunctions, run: Stepper, singular_step: SingularStep) -> None:
         self._functions, self._run, self._step_across = functions, run, singular_step
+        self.instant = (singular_step.instant - singular_step.step.t) / singular_step.step.h
 
     def inside(self, x: float) -> tuple[Floats, Floats]:
         """w and dw/dx at the fraction x of the step."""
@@ -205,11 +206,6 @@ class SingularStepWatch:
         interpolate_rows.put_in_singular_step(run, self._step_across, t)
         line = run.trial.rows.line.copy()
         return log.incident(t, "event", name, InstantLines(line, line))
-
-    @property
-    def instant(self) -> float:
-        """The fraction of the step at which it is singular."""
-        return (self._step_across.instant - self._step_across.step.t) / self._step_across.step.h
 
     def ended_at(self, found: FoundStep, x: float) -> FoundStep | None:
         """The step ended at the fraction x; None where the state there cannot be found on the constraints."""

@@ -157,12 +157,6 @@ class RunStatistics(Counts):
             self.reported = self.tally
             self.incidents.append(incident)
 
-    def mark_work_unknown(self) -> None:
-        """From here on W is not known."""
-        self.is_balanced = False
-        if self.extremes is not None:
-            self.extremes = dataclasses.replace(self.extremes, unbalanced=1.0)
-
     def take_rows(self, rows: Floats, depth: float) -> None:
         """Take the figures of rows that were written, (k, 5): position drift, velocity drift, H, its part without
         velocities, W; and the largest -g_j of them."""

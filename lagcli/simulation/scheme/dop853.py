@@ -64,7 +64,7 @@ class DormandPrince853:
 
         end = step_end.ended(numeric, step, y + h * change, (e5, e3), combined)
         hidden = _hidden()(ca.horzcat(*(near[s] for s in WATCHED), end.status[1:3])) if near else 1.0
-        return SizedFunction("step", list(step), end.outputs(hidden, stages[1:]))
+        return SizedFunction("step", step, end.outputs(hidden, stages[1:]))
 
     def dense(self, numeric: NumericSystem) -> ca.Function:
         """See `method.Method.dense`."""

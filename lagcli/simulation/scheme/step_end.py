@@ -54,17 +54,6 @@ Combined = Callable[..., Any]
 Compiled = ca.Function
 
 
-class StepInputs(NamedTuple):
-    """The arguments of a step: t, h, y and k = y'(t, y) (2n + 1,), `step_tolerance.of_steps` (8,), p."""
-
-    t: ca.MX
-    h: ca.MX
-    y: ca.MX
-    k: ca.MX
-    tolerance: ca.MX
-    p: ca.MX
-
-
 class StepEnd(NamedTuple):
     """The state on the constraints and its derivative (2n + 1,), the status of `NumericSystem.project`, and error,
     moved, error of W (3,) as in `method.Method.step`."""
@@ -80,9 +69,9 @@ class StepEnd(NamedTuple):
         return [self.projected, self.k_new, statistics, *stages]
 
 
-def inputs(numeric: NumericSystem) -> StepInputs:
-    """Symbols for the arguments of a step."""
-    return StepInputs(*symbols(numeric, "t h y k tolerance p"))
+def inputs(numeric: NumericSystem) -> list[ca.MX]:
+    """The arguments of a step: t, h, y and k = y'(t, y) (2n + 1,), `step_tolerance.of_steps` (8,), p."""
+    return symbols(numeric, "t h y k tolerance p")
 
 
 def symbols(numeric: NumericSystem, names: str) -> list[ca.MX]:
@@ -92,7 +81,7 @@ def symbols(numeric: NumericSystem, names: str) -> list[ca.MX]:
 
 
 def ended(
-    numeric: NumericSystem, step: StepInputs, new: ca.MX, estimates: Sequence[ca.MX], combined: Combined
+    numeric: NumericSystem, step: list[ca.MX], new: ca.MX, estimates: Sequence[ca.MX], combined: Combined
 ) -> StepEnd:
     """The end of a step that has come to `new`, with estimates of its error over h, (2n + 1,) each."""
     t, h, y, k, tolerance, p = step

@@ -322,7 +322,10 @@ class Stepper:
         statistics.steps += not step.is_still
         statistics.rejected += step.rejected
         if not step.is_balanced:
-            statistics.mark_work_unknown()
+            # From here on W is not known.
+            statistics.is_balanced = False
+            if statistics.extremes is not None:
+                statistics.extremes = dataclasses.replace(statistics.extremes, unbalanced=1.0)
         if step.deepest > self.contacts.deepest:
             self.note(deepest=step.deepest)
         if step.singular_step is not None:

@@ -54,10 +54,7 @@ def require_step(bound: BoundStep, switches: ForceSwitches, t: float) -> None:
         # The names of the entries of v.
         model = bound.enforced.system.model
         names, generalized = model.coordinate_names, model.generalized_names
-        cartesian = [name.rpartition(".") for name in names[: len(names) - len(generalized)]]
-        rates = [f"{owner}.v{axis}" for owner, _, axis in cartesian] + [
-            f"rate({name})" for name in generalized
-        ]
+        rates = [f"rate({n})" if n in generalized else f"{n[:-1]}v{n[-1]}" for n in names]
         listed = switches.coordinates[switch][: initial.PARAMETERS.most_listed]
         where = ", ".join(f"{names[i]} = {middle[i]:.6g}, {rates[i]} = {middle[n + i]:.6g}" for i in listed)
         raise StepFailure(_stuck(forces, where, "v"), STICKS)
