@@ -224,6 +224,7 @@ def start(begin: RunStart, rows: TableRows) -> Run:
         t=grid.start,
         y=np.concatenate([begin.q, begin.v, [0.0]]),
         k=np.zeros(2 * begin.q.size + 1),
+        step=0.0,
         pace_from=grid.start,
         selection=enforced.selection,
         invariant_values=enforced.invariant_values,

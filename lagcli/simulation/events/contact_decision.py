@@ -14,10 +14,9 @@ from lagcli.simulation.closed_contacts.contact_change import ImpactResult
 from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats
 from lagcli.simulation.closed_contacts.contact_mode import ContactMode, ContactOrders
 from lagcli.simulation.events import run_contacts
-from lagcli.simulation.events.declared_events import EventValues
 from lagcli.simulation.events.event import IncidentLog, InstantLines
 from lagcli.simulation.events.run_contacts import RunContacts
-from lagcli.simulation.events.step_watch import StateAhead, StepWatch
+from lagcli.simulation.events.step_watch import EventValues, StateAhead, StepWatch
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.run_state.statistics import Kind

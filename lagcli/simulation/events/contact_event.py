@@ -19,11 +19,10 @@ from lagcli import doubles
 from lagcli.compiled import NumericSystem
 from lagcli.contact import zero_search
 from lagcli.simulation.closed_contacts.contact_instant import PARAMETERS
-from lagcli.simulation.events import declared_events, step_watch
+from lagcli.simulation.events import step_watch
 from lagcli.simulation.events.contact_decision import ContactChanges, SwitchSide
-from lagcli.simulation.events.declared_events import EventSizes
 from lagcli.simulation.events.event import Event, InstantLines
-from lagcli.simulation.events.step_watch import SingularStepWatch, StateAhead, StepWatch
+from lagcli.simulation.events.step_watch import EventSizes, SingularStepWatch, StateAhead, StepWatch
 from lagcli.simulation.events.watch_functions import WatchFunctions
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.run_stop import StepFailure
@@ -38,7 +37,7 @@ Indices = npt.NDArray[np.intp]
 # Steps after an incident are at most so many times as long as the time from the one before it: what is watched in a
 # step has the scale of these times.
 LONGER = 16.0
-# The state by which contacts are judged that are released lies behind the instant, by `declared_events.BESIDE` of a
+# The state by which contacts are judged that are released lies behind the instant, by `step_watch.BESIDE` of a
 # step; farther by this factor each time that it does not decide.
 FARTHER = 4.0
 # Rounding of a declared function, as a part of its values at the ends of a step; of a gap, of what it changes by.
@@ -112,7 +111,7 @@ class ContactEvent(Event):
             return self._cut(Met(deeper)) if contacts.again else None if deeper is step else Cut(deeper)
         run.trial.make_dense()
         if hits := self._changes.sinking(step.taken):
-            ahead = step_watch.ahead(run, step, declared_events.BESIDE * FARTHER**contacts.again)
+            ahead = step_watch.ahead(run, step, step_watch.BESIDE * FARTHER**contacts.again)
             return self._cut(Met(step, hits, ahead), is_here=True)
         met = self._search(watch, step, (limit - run.t) / step.taken)
         if isinstance(met, Cut):
@@ -138,7 +137,7 @@ class ContactEvent(Event):
         before, after, crossed = watch.begin(), watch.end(step.reached), list[int]()
         if E := self._system.event_values.numel():
             sides, jumped = (before[-E:], after[-E:]), self._changes.events.jumped
-            crossed, touched = declared_events.at_switch(watch, step, sides, jumped)
+            crossed, touched = step_watch.at_switch(watch, step, sides, jumped)
             first = watch.functions.kinds.first_event
             at_end, known = sorted({*jumped(*sides), *crossed}), (first + number for number in touched)
             met = met._replace(at_end=tuple(at_end), touched=tuple(known))
@@ -250,11 +249,11 @@ class ContactEvent(Event):
                 return met._replace(step=self._shortened(met.step, x + crossing.clear * (limit - x)))
             if crossing.x is None:
                 if limit == 1.0 and is_last:
-                    met = met._replace(at_end=tuple(declared_events.arriving(watch, met.step)))
+                    met = met._replace(at_end=tuple(step_watch.arriving(watch, met.step)))
                 return met
             x += crossing.x * (limit - x)
             rows = list(crossing.rows)
-            crossed = declared_events.crossed(watch, step, x, (indices[rows], noise[rows]))
+            crossed = step_watch.crossed(watch, step, x, (indices[rows], noise[rows]))
             met = met._replace(crossed={**met.crossed, **crossed})
             if not kinds.records[indices[rows]].all():
                 if LEAST < x < 0.5 / FARTHER and (~watch.are_gaps & ~kinds.is_event)[indices[rows]].any():
@@ -270,7 +269,7 @@ class ContactEvent(Event):
             armed[rows] = False
             log, events = self._changes.log, []
             for index in indices[rows].tolist():
-                t, state = declared_events.within(watch, step, x, index)
+                t, state = step_watch.within(watch, step, x, index)
                 line = log.line_of(t, state)
                 events.append(log.incident(t, "event", kinds.names[index], InstantLines(line, line)))
             met = met._replace(step=met.step._replace(within=(*met.step.within, *events)))
@@ -317,13 +316,13 @@ class ContactEvent(Event):
         """The step ended where watched functions cross zero."""
         run, step, bound = self._stepper, met.step, self._stepper.bound
         slopes = watch.inside(x)[1][rows] / step.taken
-        beyond = min(1.0, x + declared_events.BESIDE * FARTHER**run.contacts.again)
+        beyond = min(1.0, x + step_watch.BESIDE * FARTHER**run.contacts.again)
         hits = tuple(watch.functions.kinds.numbers[rows].tolist())
         met = met._replace(ahead=step_watch.ahead(run, step, beyond), hits=hits)
         steepest = int(np.argmax(np.abs(slopes)))
         index, slope = int(rows[steepest]), float(slopes[steepest])
         tau, best = float(x) * step.taken, math.inf
-        for _ in range(declared_events.REFINED):
+        for _ in range(step_watch.REFINED):
             reached = run.t + tau
             if not reached > run.t:
                 return self._cut(met, is_here=True)

@@ -66,14 +66,14 @@ class RunState(Counts):
     t: float
     y: Floats
     k: Floats
-    step: float = 0.0
+    step: float
     pace_from: float
     row: float = -math.inf
     extremes: Extremes = NO_ROWS
     selection: Selection
     invariant_values: InvariantValues = ()
     watch: tuple[float, ...] = ()
-    origin: float = 0.0
+    origin: float
     turns: tuple[float, ...] = ()
     contacts: ContactState = NOTHING
     is_blurred: bool | None = None
