@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Flags, Floats
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
 from lagcli.model.settings import Simulation
@@ -25,8 +25,6 @@ from lagcli.simulation.scheme import step_tolerance
 if TYPE_CHECKING:
     from lagcli.simulation.loop import Run
 
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 KINDS = ("r", "v", "lambda", "R")
 _NAMES = ("positions", "velocities", "multipliers", "R")

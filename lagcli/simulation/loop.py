@@ -12,8 +12,8 @@ import time
 from collections.abc import Callable, Iterator
 
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.frozen import frozen
 from lagcli.model.settings import Simulation
 from lagcli.simulation.events import events_of_run
@@ -29,8 +29,6 @@ from lagcli.simulation.stepping import grid as grids
 from lagcli.simulation.stepping.step_trial import MOST_RESIDUAL
 from lagcli.simulation.stepping.stepper import Stepper
 from lagcli.smoothness.time_functions import TimeFunctions
-
-Floats = npt.NDArray[np.float64]
 
 BLOCK_VALUES = 2**16  # numbers in a block of rows
 NEARLY = 1.001  # a step of so many times the length proposed, that ends before the run, is not its last

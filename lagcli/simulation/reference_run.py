@@ -9,9 +9,9 @@ import itertools
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.simulation import error_estimate, loop
 from lagcli.simulation.error_estimate import LATE, Accuracy
 from lagcli.simulation.loop import Run, RunBlock
@@ -20,8 +20,6 @@ from lagcli.simulation.run_state.between_steps import RunState
 from lagcli.simulation.run_state.run_stop import RunStop, Stop
 from lagcli.simulation.run_state.statistics import Incident, Tally
 from lagcli.simulation.scheme import step_tolerance
-
-Floats = npt.NDArray[np.float64]
 
 
 class RunWithReference:

@@ -6,16 +6,14 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.simulation.run_state.run_stop import NOT_FINITE, StepFailure
 from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.grid import AT_END
 from lagcli.simulation.stepping.step_trial import BESIDE
 from lagcli.simulation.stepping.stepper import Stepper
 from lagcli.start.initial import State
-
-Floats = npt.NDArray[np.float64]
 
 # Where W stands in a line.
 WORK = -2

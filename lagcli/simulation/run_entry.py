@@ -7,9 +7,7 @@ import dataclasses
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-import numpy as np
-import numpy.typing as npt
-
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
 from lagcli.equations import level_functions, size_limits
@@ -35,8 +33,6 @@ if TYPE_CHECKING:
     from lagcli.simulation.error_estimate import Accuracy
     from lagcli.simulation.reference_run import RunWithReference
     from lagcli.simulation.run_state.checkpoint import Checkpoint
-
-Floats = npt.NDArray[np.float64]
 
 
 @frozen

@@ -9,9 +9,10 @@ from collections.abc import Iterable
 import numpy as np
 
 from lagcli import doubles
+from lagcli.arrays import Flags, Floats, Indices
 from lagcli.compiled import NumericSystem
 from lagcli.contact import complementarity, impact_law
-from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats, Numbers
+from lagcli.simulation.closed_contacts.contact_instant import ContactInstant
 from lagcli.smoothness import sides
 from lagcli.start.initial import State
 
@@ -119,7 +120,7 @@ def impact(here: ContactInstant, restitution: Floats, among: Flags) -> ImpactRes
     )
 
 
-def _pressed(after: ContactInstant, lifted: Numbers, is_low: bool = False) -> tuple[Numbers, Floats]:
+def _pressed(after: ContactInstant, lifted: Indices, is_low: bool = False) -> tuple[Indices, Floats]:
     """Contacts among some that part, which the others that are at rest press, and -d2g/dt2 of them."""
     rests = after.at_rest
     rests[lifted] = False
@@ -130,7 +131,7 @@ def _pressed(after: ContactInstant, lifted: Numbers, is_low: bool = False) -> tu
     return lifted[are_pressed], pull[are_pressed]
 
 
-def law(here: ContactInstant, near: Numbers, e: Floats) -> impact_law.LawResult:
+def law(here: ContactInstant, near: Indices, e: Floats) -> impact_law.LawResult:
     """The impact of the contacts `near` with coefficients e (K,). Raises `ContactsUndecided`."""
     try:
         if near.size == 1 and here.values.has_independent_rows:
@@ -153,13 +154,13 @@ def law(here: ContactInstant, near: Numbers, e: Floats) -> impact_law.LawResult:
         raise ContactsUndecided(str(error), near[list(error.contacts)]) from None
 
 
-def _require_gradients(here: ContactInstant, contacts: Numbers) -> None:
+def _require_gradients(here: ContactInstant, contacts: Indices) -> None:
     without = contacts[~here.has_gradient[contacts]]
     if without.size:
         raise ContactsUndecided(NO_GRADIENT, without)
 
 
-def _is_low(after: ContactInstant, bouncing: Numbers, pull: Floats) -> Flags:
+def _is_low(after: ContactInstant, bouncing: Indices, pull: Floats) -> Flags:
     """Contacts that rise no higher than rounding under a pull (k,), or so slowly that they count as closed."""
     speeds = after.speeds[bouncing]
     return np.asarray((speeds**2 <= 2 * pull * after.lowest[bouncing]) | (speeds <= after.slow[bouncing]))

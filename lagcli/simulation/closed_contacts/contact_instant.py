@@ -8,9 +8,9 @@ import math
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Flags, Floats, Indices
 from lagcli.compiled import NumericSystem, contact_values
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.contact_values import MotionNumbers
@@ -19,10 +19,6 @@ from lagcli.contact.impact_law import FewContacts, Response
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse, sparse, stacked
 from lagcli.start.initial import State
-
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
-Numbers = npt.NDArray[np.intp]
 
 
 class InstantParameters:
@@ -49,7 +45,7 @@ PARAMETERS = InstantParameters()
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ContactParameters:
-    """Numbers of a run: rtol; span: the length of the step that is looked at; size: the largest size of the motion so
+    """Indices of a run: rtol; span: the length of the step that is looked at; size: the largest size of the motion so
     far, as `parts.Sizes.q`; speed: as `parts.Sizes.v`, before an impact; since: the time from the start on; across: by
     which the state lies behind a switch; ahead: the length of the step that is tried next."""
 
@@ -109,7 +105,7 @@ class ContactRowValues:
         self._rate.trigger()
         return self._rate.results[0][n : 2 * n].copy()
 
-    def response(self, state: State, columns: Numbers, entries: Floats) -> list[Floats]:
+    def response(self, state: State, columns: Indices, entries: Floats) -> list[Floats]:
         """See `NumericSystem.response`, to a row with entries at columns; in memory that the next call overwrites."""
         t, q, v, p, f = self._response.arguments
         t[0], q[:], v[:], p[:] = state.t, state.q, state.v, state.p
@@ -227,7 +223,7 @@ class ContactInstant:
         """|G| |x| (K,)."""
         return self._summed(np.abs(self._entries * x[self.values.column]))
 
-    def gradients(self, contacts: Numbers) -> Sparse:
+    def gradients(self, contacts: Indices) -> Sparse:
         """The rows of G of some contacts, (k, n)."""
         values = self.values
         entry_indices = [values.of[j] for j in contacts.tolist()]
@@ -245,7 +241,7 @@ class ContactInstant:
         reported = float(square), float(free), float(left)
         return Response(x.copy(), of_equalities.ravel().copy(), *reported, terms)
 
-    def few(self, contacts: Numbers) -> FewContacts | None:
+    def few(self, contacts: Indices) -> FewContacts | None:
         """Contacts that are few and stand well apart from each other and from equality rows, of which none is
         redundant; None where they do not."""
         if not (0 < contacts.size <= impact_law.PARAMETERS.most and self.values.has_independent_rows):
@@ -289,12 +285,12 @@ class ContactInstant:
         h, gamma, _ = self.values.numeric.force(s.t, s.q, s.v, s.p)
         return np.array(h).ravel(), np.array(gamma).ravel()
 
-    def squares(self, contacts: Numbers) -> Floats:
+    def squares(self, contacts: Indices) -> Floats:
         """G_i M^-1 G_i^T (k,) of some contacts, 1 of those without a gradient."""
         lengths = LocalRows(self.metric.whitened(self.gradients(contacts))).norms
         return np.asarray(np.where(lengths > 0, lengths, 1.0) ** 2)
 
-    def least_forces(self, contacts: Numbers, x: Floats) -> Floats:
+    def least_forces(self, contacts: Indices, x: Floats) -> Floats:
         """Multipliers (k,) of some contacts that are none, in a motion with accelerations x (n,): other rows may press
         a contact too, that no force and no curvature of its own does."""
         few = self.few(contacts)

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from lagcli import doubles
+from lagcli.arrays import Flags, Floats, Indices
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
 from lagcli.contact import impact_law
@@ -19,7 +20,7 @@ from lagcli.linear import independent_rows, rank
 from lagcli.linear.metric_rows import MetricRows, Sparse, sparse, stacked
 from lagcli.simulation.closed_contacts import contact_change
 from lagcli.simulation.closed_contacts.contact_change import ContactForces, ContactsUndecided
-from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats, Numbers
+from lagcli.simulation.closed_contacts.contact_instant import ContactInstant
 
 # How far ahead is looked, as a part of the size of the motion; Newton's steps back onto the rows that are enforced.
 FAR, STEPS = 1e-3, 5
@@ -212,7 +213,7 @@ class MotionSeries:
         return SeriesFunction(self._numeric.contact_motion)
 
     @cached_property
-    def patterns(self) -> list[tuple[Numbers, Numbers, tuple[int, int]]]:
+    def patterns(self) -> list[tuple[Indices, Indices, tuple[int, int]]]:
         """Rows, columns and shape of M, B and G."""
         numeric = self._numeric
         found = []
@@ -270,7 +271,7 @@ class _Terms:
 class _Products:
     """The coefficients of a matrix along the motion."""
 
-    def __init__(self, pattern: tuple[Numbers, Numbers, tuple[int, int]], terms: _Terms) -> None:
+    def __init__(self, pattern: tuple[Indices, Indices, tuple[int, int]], terms: _Terms) -> None:
         (self._rows, self._columns, self._shape), self._terms = pattern, terms
 
     @property
@@ -303,7 +304,7 @@ class ContactOrders:
         self._series, self._here = series, here
         self._rounding = max(NONE, known)
 
-    def decided(self, forces: ContactForces, level: Numbers, crossing: Flags) -> ContactForces:
+    def decided(self, forces: ContactForces, level: Indices, crossing: Flags) -> ContactForces:
         """The contacts that press among those that are closed and neither approach nor part, `level`; crossing (K,):
         those whose forces are zero there, as far as the instant is known."""
         here = self._here

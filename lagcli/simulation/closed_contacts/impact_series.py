@@ -14,9 +14,10 @@ import dataclasses
 import numpy as np
 
 from lagcli import doubles
+from lagcli.arrays import Flags, Floats
 from lagcli.simulation.closed_contacts import contact_change
 from lagcli.simulation.closed_contacts.contact_change import ContactsUndecided, ImpactResult
-from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats
+from lagcli.simulation.closed_contacts.contact_instant import ContactInstant
 
 # Gaps that open to so many times what is not told apart from closed are left to steps again.
 FARTHER = 10.0

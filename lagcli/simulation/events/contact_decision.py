@@ -7,11 +7,12 @@ from collections.abc import Set as AbstractSet
 
 import numpy as np
 
+from lagcli.arrays import Flags, Floats
 from lagcli.compiled.selection import Selection
 from lagcli.frozen import frozen
 from lagcli.simulation.closed_contacts import contact_change, contact_mode, impact_series
 from lagcli.simulation.closed_contacts.contact_change import ImpactResult
-from lagcli.simulation.closed_contacts.contact_instant import ContactInstant, Flags, Floats
+from lagcli.simulation.closed_contacts.contact_instant import ContactInstant
 from lagcli.simulation.closed_contacts.contact_mode import ContactMode, ContactOrders
 from lagcli.simulation.events import run_contacts
 from lagcli.simulation.events.event import IncidentLog, InstantLines

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Flags, Floats
 from lagcli.compiled import force_switches
 from lagcli.compiled.contact_values import ROUNDINGS
 from lagcli.simulation.events import switch_event
@@ -22,9 +23,6 @@ from lagcli.simulation.stepping import sticking, timetable
 from lagcli.simulation.stepping.found_step import Cut, FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 from lagcli.smoothness import named_functions, sides
-
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 # A step towards an edge leaves this part of the time to it, by the speed towards it.
 BEFORE = 2.0**-10

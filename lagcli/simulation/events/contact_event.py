@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats, Indices
 from lagcli.compiled import NumericSystem
 from lagcli.contact import zero_search
 from lagcli.simulation.closed_contacts.contact_instant import PARAMETERS
@@ -30,9 +31,6 @@ from lagcli.simulation.scheme.step_tolerance import COARSE_WORK
 from lagcli.simulation.stepping.found_step import Cut, FoundStep
 from lagcli.simulation.stepping.grid import AT_END
 from lagcli.simulation.stepping.stepper import Stepper
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
 
 # Steps after an incident are at most so many times as long as the time from the one before it: what is watched in a
 # step has the scale of these times.

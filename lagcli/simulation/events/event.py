@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.frozen import frozen
 from lagcli.simulation.run_state.statistics import Incident, Kind
 from lagcli.simulation.scheme import method
@@ -42,9 +42,6 @@ class Event:
         The earliest end so stays. Raises `StepFailure` where the motion does not go on in it.
         """
         return None
-
-
-Floats = npt.NDArray[np.float64]
 
 
 @frozen

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.compiled.bound_function import BoundFunction, cells
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.scheme.method import WRITTEN_OUT, Method
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from lagcli.equations.energy_jumps import Crossings, Way
     from lagcli.simulation.singularity.singularity_step import SingularStep
 
-Floats = npt.NDArray[np.float64]
 
 # So many parts of a step are looked at for switches of what must not jump.
 PARTS = np.linspace(0, 1, 17)

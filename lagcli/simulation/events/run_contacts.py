@@ -10,14 +10,13 @@ from typing import TypeVar
 import numpy as np
 
 from lagcli import doubles
+from lagcli.arrays import Flags, Floats
 from lagcli.linear import rank
 from lagcli.simulation.closed_contacts.contact_change import ContactsUndecided
 from lagcli.simulation.closed_contacts.contact_instant import (
     ContactInstant,
     ContactParameters,
     ContactRowValues,
-    Flags,
-    Floats,
 )
 from lagcli.simulation.closed_contacts.contact_mode import MotionSeries
 from lagcli.simulation.closed_contacts.impact_series import ClosedBefore

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats, Indices
 from lagcli.compiled.bound_function import BoundFunction, cells
 from lagcli.contact import zero_search
 from lagcli.contact.zero_search import FirstCrossing
@@ -25,9 +26,6 @@ from lagcli.simulation.singularity.singularity_step import SingularStep
 from lagcli.simulation.stepping import grid, interpolate_rows
 from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
-
-Floats = npt.NDArray[np.float64]
-Numbers = npt.NDArray[np.intp]
 
 # Of more functions than these no look is taken at all where some come near.
 MANY = 256
@@ -107,7 +105,7 @@ class StepWatch:
             self._is_screened = True
         return self._screen.results[0]
 
-    def doubtful(self) -> Numbers:
+    def doubtful(self) -> Indices:
         """The functions that may have a zero in a step that was looked at."""
         numbers = self._screened[2:] if self._near is None else self._near
         return np.flatnonzero(~(numbers > 0.0))
@@ -243,11 +241,11 @@ class LiftOff(NamedTuple):
     at which they pull."""
 
     x: float
-    indices: Numbers
+    indices: Indices
     beyond: float
 
 
-def first_lift_off(curve: SingularStepWatch, indices: Numbers, rounding: Floats) -> LiftOff | None:
+def first_lift_off(curve: SingularStepWatch, indices: Indices, rounding: Floats) -> LiftOff | None:
     """The first lift of closed contacts, by their indices among the functions (W,) that are watched, whose rounding
     is given (W,)."""
     instant = curve.instant
@@ -272,7 +270,7 @@ def first_lift_off(curve: SingularStepWatch, indices: Numbers, rounding: Floats)
 
 def first_crossing(
     watch: StepWatch | SingularStepWatch,
-    indices: Numbers,
+    indices: Indices,
     span: tuple[float, float],
     noise: Floats,
     direction: npt.ArrayLike = zero_search.DOWN,
@@ -288,8 +286,6 @@ def first_crossing(
 
     return zero_search.first_crossing(values, noise, direction, armed)
 
-
-Indices = npt.NDArray[np.intp]
 
 # So many times its rounding from zero, or that of the time, a declared function is at zero; whether it crosses at a
 # switch, values tell by this part of a step farther off.

@@ -5,9 +5,9 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.force_switches import ForceSwitches
 from lagcli.simulation.events.event import Event
@@ -16,8 +16,6 @@ from lagcli.simulation.scheme.bound_scheme import BoundStep
 from lagcli.simulation.stepping import sticking, stop_diagnosis
 from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
-
-Floats = npt.NDArray[np.float64]
 
 # Positions and velocities may differ by what they change in so many times the time, beside rounding.
 LONGER = 16.0

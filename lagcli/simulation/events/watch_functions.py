@@ -8,8 +8,8 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Indices
 from lagcli.compiled import NumericSystem
 from lagcli.contact import zero_bounds, zero_search
 from lagcli.equations.system import System
@@ -17,8 +17,6 @@ from lagcli.simulation.scheme import step_end
 from lagcli.simulation.scheme.method import WRITTEN_OUT, Method
 from lagcli.simulation.scheme.step_end import Compiled
 from lagcli.smoothness.sized_function import SizedFunction
-
-Numbers = npt.NDArray[np.intp]
 
 LARGEST = float(np.finfo(float).max)
 # The hull of a step is made wider by this part of itself on all sides.
@@ -188,7 +186,7 @@ class WatchKinds:
     events, by their index in w.
     """
 
-    def __init__(self, system: System, watched: Numbers) -> None:
+    def __init__(self, system: System, watched: Indices) -> None:
         C, events = len(system.rows.rows), system.model.events
         self.first_contact, self.first_event = C, C + system.contacts.count
         count = system.event_values.numel()

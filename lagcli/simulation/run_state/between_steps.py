@@ -9,14 +9,12 @@ import dataclasses
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.compiled.selection import Selection
 from lagcli.equations.system import System
 from lagcli.simulation.run_state.statistics import NO_ROWS, Counts, Extremes
 from lagcli.simulation.scheme.invariants import InvariantValues
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

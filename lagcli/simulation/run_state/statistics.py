@@ -8,9 +8,9 @@ import operator
 from typing import Any, Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.frozen import frozen, frozen_value
 
 # In the order in which those of one instant are reported: what came before it, what it was, what holds after it.
@@ -46,7 +46,7 @@ class RankDrop:
 
 @frozen_value
 class Tally:
-    """Numbers of incidents up to some state: of all, of different instants, and of impacts, releases and accumulations
+    """Indices of incidents up to some state: of all, of different instants, and of impacts, releases and accumulations
     of single contacts; last: time of the last one."""
 
     incidents: int = 0
@@ -70,8 +70,6 @@ class Tally:
 
 NONE = Tally()
 
-
-Floats = npt.NDArray[np.float64]
 
 # Below this part of the energies themselves nothing is exchanged but rounding.
 ENERGY_ROUNDOFF = 1e-10

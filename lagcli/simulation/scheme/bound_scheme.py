@@ -5,16 +5,14 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled.bound_function import BoundFunction, cells
 from lagcli.simulation.scheme import step_tolerance
 from lagcli.simulation.scheme.invariants import EnforcedInvariants
 from lagcli.simulation.scheme.method import Method
 from lagcli.start.initial import State
-
-Floats = npt.NDArray[np.float64]
 
 
 class BoundStep:

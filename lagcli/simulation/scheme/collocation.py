@@ -11,14 +11,12 @@ import dataclasses
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numpy.polynomial import legendre
 
 from lagcli import doubles, memory
+from lagcli.arrays import Floats
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.linear import decompositions
-
-Floats = npt.NDArray[np.float64]
 
 
 class CollocationParameters:

@@ -10,11 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.compiled.bound_function import BoundFunction
-
-Floats = npt.NDArray[np.float64]
 
 
 class StepLengthParameters:

@@ -15,9 +15,9 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
 from lagcli.equations import level_functions
@@ -31,8 +31,6 @@ from lagcli.simulation.scheme.method import Method, Scheme
 from lagcli.simulation.scheme.step_end import Compiled
 from lagcli.start import initial, projection
 from lagcli.start.initial import State
-
-Floats = npt.NDArray[np.float64]
 
 # The gradient of a level is taken as vanishing where it changes by BENT of itself within `doubles.ROOT` of each
 # coordinate and `doubles.ZERO` of the largest: Newton's steps from nearby would not reach the level.

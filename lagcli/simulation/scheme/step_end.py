@@ -40,7 +40,7 @@ class StepEndParameters:
     amplified: float = 1e-16
     """About this part of accelerations, over the cube of the angle. `test_close_rows_amplify_rounding`."""
     written_out: int = 1000
-    """Numbers of a state up to which a step is one graph. `test_steps_of_a_thousand_numbers_are_written_out`."""
+    """Indices of a state up to which a step is one graph. `test_steps_of_a_thousand_numbers_are_written_out`."""
 
 
 PARAMETERS = StepEndParameters()

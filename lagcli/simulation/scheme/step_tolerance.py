@@ -10,9 +10,9 @@ has. Their rounding is what is left, and no error of a step.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.equations.system import System
@@ -22,7 +22,6 @@ from lagcli.model.settings import Simulation
 from lagcli.start import initial
 from lagcli.start.initial import State
 
-Floats = npt.NDArray[np.float64]
 # Positions are moved by this part of their size.
 BESIDE = 1e-3
 # Forces that are less than this part of the terms that they are the sum of are stairs of rounding.
@@ -56,7 +55,7 @@ PARAMETERS = ToleranceParameters()
 # In a step the estimate of the error of W may be so many tolerances of a step: it is far above the error, and W swings
 # twice as fast as the motion, so that a bound near 1 would integrate W again in every step of a smooth drive.
 COARSE_WORK = 300.0
-# Numbers of a tolerance, those of them that are `blurred`; the unit of rounding.
+# Indices of a tolerance, those of them that are `blurred`; the unit of rounding.
 COUNT, BLURRED, UNIT = 8, slice(5, 8), doubles.EPS / 2
 
 

@@ -13,14 +13,13 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.simulation.scheme import collocation
 from lagcli.simulation.scheme.collocation import Step
 
-Floats = npt.NDArray[np.float64]
 Powers = Callable[[Floats], tuple[Floats, float] | None]
 
 

@@ -16,9 +16,9 @@ from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.selection import Selection
@@ -30,7 +30,6 @@ from lagcli.simulation.singularity.singularity_monitor import PARAMETERS as MONI
 from lagcli.simulation.singularity.singularity_monitor import SMALLEST_ANGLE, Prediction
 from lagcli.start.initial import State, metric_at
 
-Floats = npt.NDArray[np.float64]
 # The root of the smallest angle at a time in a step.
 Root = Callable[[float], float]
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.simulation.scheme import method
 from lagcli.simulation.stepping.stepper import Stepper
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from lagcli.simulation.singularity.singularity_step import SingularStep
 
 
-Floats = npt.NDArray[np.float64]
 # Where the drifts of a row stand in a line: rounding, which is not interpolated.
 DRIFTS = slice(-method.BEYOND, -method.BEYOND + 2)
 

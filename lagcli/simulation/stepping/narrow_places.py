@@ -10,15 +10,14 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from lagcli.arrays import Floats
 from lagcli.compiled import narrow_arguments
 from lagcli.compiled.bound_function import BoundFunction, cells
 from lagcli.compiled.narrow_arguments import NarrowArguments
 from lagcli.contact import zero_search
 from lagcli.simulation.scheme.bound_scheme import BoundStep
 
-Floats = npt.NDArray[np.float64]
 # The fraction x of a step -> the state (2n + 1,) there.
 Curve = Callable[[float], Floats]
 

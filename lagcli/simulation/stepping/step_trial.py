@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.simulation.run_state.statistics import RunStatistics
 from lagcli.simulation.scheme.bound_scheme import BoundRows, BoundStep
@@ -16,9 +16,6 @@ from lagcli.simulation.scheme.method import Method
 from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.grid import Dense, Witnesses
 from lagcli.smoothness import named_functions
-
-Floats = npt.NDArray[np.float64]
-
 
 # A projected state off the constraints by more than this part of its size was not reached by Newton: a smaller step.
 MOST_RESIDUAL = doubles.ZERO

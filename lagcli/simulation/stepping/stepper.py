@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.model.settings import Simulation
 from lagcli.simulation.run_state.between_steps import RunState, Turns
 from lagcli.simulation.run_state.run_stop import NO_SOLUTION, StepFailure
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     # Most runs meet no singular configuration.
     from lagcli.simulation.singularity.singularity_step import SingularStep
 
-Floats = npt.NDArray[np.float64]
 
 NONE_TRIED: invariants.Tried = frozenset()
 

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.frozen import frozen
@@ -35,7 +35,6 @@ from lagcli.start.initial import State
 
 # A singular configuration, or a pole, is the reason of a stop where one is predicted within this part of the run.
 SOON = 1e-4
-Floats = npt.NDArray[np.float64]
 
 
 class StopParameters:

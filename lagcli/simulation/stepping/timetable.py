@@ -18,9 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.smoothness.time_functions import TimeFunctions
-
-Floats = npt.NDArray[np.float64]
 
 
 class TimetableParameters:
