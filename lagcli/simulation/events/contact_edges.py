@@ -19,7 +19,7 @@ from lagcli.simulation.events.event import Event
 from lagcli.simulation.events.impulse_event import FEW
 from lagcli.simulation.run_state.run_stop import STICKS, StepFailure
 from lagcli.simulation.scheme.step_end import Compiled
-from lagcli.simulation.stepping import sticking, timetable
+from lagcli.simulation.stepping import stop_diagnosis, timetable
 from lagcli.simulation.stepping.found_step import Cut, FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 from lagcli.smoothness import named_functions, sides
@@ -121,7 +121,7 @@ class EdgeEvent(Event):
                 after = self._at(run.t + 2 * dt, side + dt * k, k)[1]
                 returns &= u * (after - before) < 0.0
             if returns.any():
-                raise StepFailure(sticking.at_rest(self._system, bound.y), STICKS)
+                raise StepFailure(stop_diagnosis.at_rest(self._system, bound.y), STICKS)
             # No time is lost in which forces are not those of the side.
             return self._steps_to(2 * math.ulp(run.t), led, self._beside(y, np.where(led, beside, 0.0)))
         return None
@@ -226,7 +226,7 @@ class EdgeEvent(Event):
             switches = bound.enforced.plain.functions.numeric.force_switches
             if switches is not None:
                 bound.h[0] = 2 * dt
-                sticking.require_step(bound, switches, run.origin + run.t)
+                stop_diagnosis.require_not_stuck(bound, switches, run.origin + run.t)
             # The time in which positions and velocities are told apart from those on the switches.
             rates = self._at(run.t, bound.y, bound.k)[1]
             while dt < run.control.step:

@@ -13,7 +13,7 @@ from lagcli.compiled.force_switches import ForceSwitches
 from lagcli.simulation.events.event import Event
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.scheme.bound_scheme import BoundStep
-from lagcli.simulation.stepping import sticking, stop_diagnosis
+from lagcli.simulation.stepping import stop_diagnosis
 from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 
@@ -118,4 +118,4 @@ class StickingEvent(Event):
         drawn.arguments[0][0] = run.origin + run.t
         drawn.trigger()
         if drawn.results[0].any():
-            sticking.require_step(bound, self._switches, run.origin + run.t)
+            stop_diagnosis.require_not_stuck(bound, self._switches, run.origin + run.t)

@@ -188,13 +188,13 @@ class Stepper:
     def _no_step(self, error: float, residual: float) -> StepFailure:
         """The failure where no step can be taken, by what the last one that was tried had. Raises it where the motion
         sticks at a switch of a force, or a function of t has a pole."""
-        from lagcli.simulation.stepping import causes_of_stops, sticking, stop_diagnosis
+        from lagcli.simulation.stepping import causes_of_stops, stop_diagnosis
 
         bound = self.bound
         here, ahead = self.state_at(self.t, bound.y), self.state_at(self.t + bound.h[0], bound.new)
         switches = bound.enforced.plain.functions.numeric.force_switches
         if switches is not None:
-            sticking.require_step(bound, switches, here.t)
+            stop_diagnosis.require_not_stuck(bound, switches, here.t)
         self._require_no_pole()
         soon = stop_diagnosis.SOON * (self.grid.end - self.grid.start)
         is_soon, last = self.watch.foreseen.instant - self.t < soon, self.origin + self.contacts.last
