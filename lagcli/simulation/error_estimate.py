@@ -144,10 +144,7 @@ def window(count: int) -> int:
 
 class Parting:
     """The last interval in which the distance of two tables grows too fast, if that is much of what they hold in the
-    end.
-
-    window: rows it has for that, 0 for never; rtol, atol: of the runs.
-    """
+    end. window: rows it has for that, 0 for never; rtol, atol: of the runs."""
 
     def __init__(self, window: int, rtol: float = 0.0, atol: float = 0.0) -> None:
         self._window, self._rtol, self._atol = window, rtol, atol
@@ -352,10 +349,8 @@ class ImpactGrowth:
 
 
 class Errors:
-    """Running maxima of the distance of two tables and of the values themselves, of each kind.
-
-    kinds: the columns of each kind; parted: looks for an interval in which the tables go apart.
-    """
+    """Running maxima of the distance of two tables and of the values themselves, of each kind. kinds: the columns of
+    each kind; parted: looks for an interval in which the tables go apart."""
 
     def __init__(self, kinds: tuple[list[int], ...], factor: float, parted: Parting | None = None) -> None:
         self._parting = parted or Parting(0)
@@ -367,10 +362,8 @@ class Errors:
         self._is_lost = [False] * len(kinds)
 
     def take(self, rows: Floats, others: Floats, incidents: Sequence[Incident] | None = ()) -> Floats:
-        """The errors (k, 4) of rows (k, columns) of the one table from those of the other at the same times.
-
-        incidents: those that came with them, which `sides` knows already; None where they are not known.
-        """
+        """The errors (k, 4) of rows (k, columns) of the one table from those of the other at the same times. incidents:
+        those that came with them, which `sides` knows already; None where they are not known."""
         t = rows[:, 0]
         between = self.sides.beside(t) if incidents is None else self.sides.between(t)
         apart = [rows[:, at] - others[:, at] for at in self._kinds]

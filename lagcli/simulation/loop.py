@@ -44,12 +44,10 @@ class RunBlock:
 
 
 class Run:
-    """One integration: iterate `blocks` once; `statistics` is filled as they come, and `stepper` goes on.
-
-    begin: puts the start onto the constraints, proposes the first step, and is True where that is an ordinary one; None
-    for a run that is resumed; row: time of the last row handed out; skipped_rows: lost to another grid than that of the
-    run state. Times, the grid's too, are counted from `origin`.
-    """
+    """One integration: iterate `blocks` once; `statistics` is filled as they come, and `stepper` goes on. begin: puts
+    the start onto the constraints, proposes the first step, and is True where that is an ordinary one; None for a run
+    that is resumed; row: time of the last row handed out; skipped_rows: lost to another grid than that of the run
+    state. Times, the grid's too, are counted from `origin`."""
 
     def __init__(
         self,
@@ -87,10 +85,8 @@ class Run:
         return dataclasses.replace(self.stepper.state(), row=self._row, extremes=extremes, reported=reported)
 
     def blocks(self) -> Iterator[RunBlock]:
-        """Blocks of complete rows, shape (k, 1 + columns), t first; one at least every `PAUSE`, maybe empty.
-
-        Raises `RunStop` after the last good row.
-        """
+        """Blocks of complete rows, shape (k, 1 + columns), t first; one at least every `PAUSE`, maybe empty. Raises
+        `RunStop` after the last good row."""
         writer, statistics = self.writer, self.statistics
         capacity = max(1, min(self.grid.count, BLOCK_VALUES // writer.width))
         stop: Stop | None = None
@@ -194,12 +190,9 @@ FIRST = 0.1
 
 @frozen
 class RunStart:
-    """A consistent start, q and v (n,), and all that a run from there goes with.
-
-    enforced: the functions, with the integrals that are enforced; timed: what the model says about t alone;
-    is_singular: the rows are dependent there and not nearby; notes: on integrals; part: of the usual first step;
-    is_again: it repeats another run.
-    """
+    """A consistent start, q and v (n,), and all that a run from there goes with. enforced: the functions, with the
+    integrals that are enforced; timed: what the model says about t alone; is_singular: the rows are dependent there and
+    not nearby; notes: on integrals; part: of the usual first step; is_again: it repeats another run."""
 
     enforced: EnforcedInvariants
     q: Floats

@@ -80,10 +80,8 @@ class RunWithReference:
         return self.accuracy if known == len(rows) else None
 
     def blocks(self) -> Iterator[RunBlock]:
-        """Blocks of rows (k, columns + 4), the errors last, and of incidents, their lines with errors too.
-
-        Raises `RunStop` after the last good one, also where the repeated run stops and the first does not.
-        """
+        """Blocks of rows (k, columns + 4), the errors last, and of incidents, their lines with errors too. Raises
+        `RunStop` after the last good one, also where the repeated run stops and the first does not."""
         run = self._run
         for block in run.blocks():
             # The next rows of the repeated run; less where it has stopped.
@@ -133,10 +131,8 @@ class RunWithReference:
 
 
 class IncidentErrors:
-    """Incidents of the repeated run that wait for those of the run, in their order by kind and name.
-
-    kinds: the columns of each kind in a row of the table; factor: on the distance of the two runs.
-    """
+    """Incidents of the repeated run that wait for those of the run, in their order by kind and name. kinds: the columns
+    of each kind in a row of the table; factor: on the distance of the two runs."""
 
     def __init__(self, kinds: tuple[list[int], ...], factor: float) -> None:
         self._kinds, self._factor = kinds, factor
@@ -148,11 +144,9 @@ class IncidentErrors:
             self._waiting.setdefault((one.kind, one.name), collections.deque()).append(one)
 
     def extended(self, incidents: Sequence[Incident], start: float, rows: Floats) -> list[Incident]:
-        """Incidents of the run in the order of time, their lines with errors (4,) at the end.
-
-        start: the time of the first row; rows (k, 5): times with the errors up to each. An error is the larger of that
-        at the row before and that at the incident, nan where the repeated run has no such incident by then.
-        """
+        """Incidents of the run in the order of time, their lines with errors (4,) at the end. start: the time of the
+        first row; rows (k, 5): times with the errors up to each. An error is the larger of that at the row before and
+        that at the incident, nan where the repeated run has no such incident by then."""
         found = []
         for t, group in itertools.groupby(incidents, key=lambda incident: incident.t):
             reported, partners, late = list(group), list[Incident](), LATE * (t - start)

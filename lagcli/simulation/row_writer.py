@@ -78,10 +78,8 @@ class RowWriter:
         self._put_line()
 
     def put_state(self) -> bool:
-        """Write the rows at the state where the run stands, if any; False where the block is full before.
-
-        Behind a switch of functions of t they may lie a few roundings of the time before it.
-        """
+        """Write the rows at the state where the run stands, if any; False where the block is full before. Behind a
+        switch of functions of t they may lie a few roundings of the time before it."""
         while self._stepper.row_time <= self._stepper.t:
             if self._filled == self._capacity:
                 return False
@@ -89,10 +87,8 @@ class RowWriter:
         return True
 
     def put_last(self) -> None:
-        """Write the row of the event that has ended the run, in place of one of the grid at the same instant.
-
-        Only a row within the step that the event ends gives way: one where that step begins may have left already.
-        """
+        """Write the row of the event that has ended the run, in place of one of the grid at the same instant. Only a
+        row within the step that the event ends gives way: one where that step begins may have left already."""
         run = self._stepper
         if self.grid.is_rounding(run.t - self.last, run.origin + run.t):
             if self.last <= self._begun or not self._filled:
@@ -175,11 +171,9 @@ class RowWriter:
         run.row_time = self.grid.time(self.next_row)
 
     def _limit(self, step: FoundStep) -> Floats:
-        """A row within a step at a point where the rows of B, or the levels of integrals, have no direction.
-
-        Where the integrals are the reason, it is the row without them. Else it is the limit along the motion, from two
-        points on either side: differences then shrink with the distance, and at a jump or a pole they do not.
-        """
+        """A row within a step at a point where the rows of B, or the levels of integrals, have no direction. Where the
+        integrals are the reason, it is the row without them. Else it is the limit along the motion, from two points on
+        either side: differences then shrink with the distance, and at a jump or a pole they do not."""
         from lagcli.simulation.stepping import interpolate_rows
 
         run, rows, enforced = self._stepper, self._stepper.trial.rows, self._stepper.bound.enforced

@@ -80,11 +80,9 @@ class RunReport:
 
 
 class RunInBlocks:
-    """A run that is ready to go: iterate `blocks` once.
-
-    columns: of its rows, t first; grid: their times; skipped_rows: lost to another grid than that of the checkpoint;
-    handed_out: rows up to there; report: of the run up to the last block.
-    """
+    """A run that is ready to go: iterate `blocks` once. columns: of its rows, t first; grid: their times; skipped_rows:
+    lost to another grid than that of the checkpoint; handed_out: rows up to there; report: of the run up to the last
+    block."""
 
     def __init__(
         self,
@@ -199,12 +197,9 @@ class CachedFunctions:
         integrals: Found,
         notes: tuple[str, ...],
     ) -> RunStart:
-        """A consistent state with all that a run from there goes with, by the settings of the model.
-
-        selection: the independent rows there; is_singular: they are dependent there and not nearby; integrals: those to
-        enforce; notes: on others. Raises `diagnostics.ModelError` where an acceleration or a column is not finite
-        there.
-        """
+        """A consistent state with all that a run from there goes with, by the settings of the model. selection: the
+        independent rows there; is_singular: they are dependent there and not nearby; integrals: those to enforce;
+        notes: on others. Raises `diagnostics.ModelError` where an acceleration or a column is not finite there."""
         open_rows = dataclasses.replace(selection, inactive=self.numeric.selection.inactive)
         enforced, not_enforced = invariants.begin(self.integrals(system, integrals).keeping(open_rows), state)
         if not is_singular:
@@ -221,11 +216,9 @@ def begin(
     is_repeated: bool = False,
     ends_only: bool = False,
 ) -> RunInBlocks:
-    """The run of a model from its start.
-
-    cached: the functions of its text, which gave the start; is_repeated: with columns of errors; ends_only: with the
-    first and the last row of the grid alone, where no other row can end the run.
-    """
+    """The run of a model from its start. cached: the functions of its text, which gave the start; is_repeated: with
+    columns of errors; ends_only: with the first and the last row of the grid alone, where no other row can end the
+    run."""
     rows = TableRows(system.columns, ends_only and cached.has_total_columns(system))
     run = loop.start(start, rows)
     if not is_repeated:
@@ -237,10 +230,8 @@ def begin(
 
 
 def resume(system: System, cached: CachedFunctions, point: Checkpoint) -> RunInBlocks:
-    """The run of a model on from where another one of it stood, whose identity was compared.
-
-    Raises `diagnostics.ModelError`, `CheckpointError` for a checkpoint of another system.
-    """
+    """The run of a model on from where another one of it stood, whose identity was compared. Raises
+    `diagnostics.ModelError`, `CheckpointError` for a checkpoint of another system."""
     size_limits.require_run(system)
     from lagcli.simulation.run_state.checkpoint import CheckpointError
 

@@ -57,11 +57,8 @@ class ImpactResult:
 
 
 def impact(here: ContactInstant, restitution: Floats, among: Flags) -> ImpactResult | None:
-    """The impact of the contacts `among` all, which are closed; None where none of them approaches.
-
-    Rebounds that cannot be resolved, of contacts that are pressed, are left out: their series ends.
-    Raises `ContactsUndecided`.
-    """
+    """The impact of the contacts `among` all, which are closed; None where none of them approaches. Rebounds that
+    cannot be resolved, of contacts that are pressed, are left out: their series ends. Raises `ContactsUndecided`."""
     approaching = among & (here.speeds < -here.slow)
     if not approaching.any():
         return None
@@ -176,11 +173,8 @@ class ContactForces:
 
 
 def contact_forces(here: ContactInstant, among: Flags, sunk: Flags | None = None) -> ContactForces:
-    """The forces of contacts that are closed and neither approach nor part: 0 <= lambda ⊥ d2g/dt2 >= 0.
-
-    sunk (K,): contacts that creep in: they press with any force, and where nothing takes them out.
-    Raises `ContactsUndecided`.
-    """
+    """The forces of contacts that are closed and neither approach nor part: 0 <= lambda ⊥ d2g/dt2 >= 0. sunk (K,):
+    contacts that creep in: they press with any force, and where nothing takes them out. Raises `ContactsUndecided`."""
     numbers = np.flatnonzero(among)
     _require_gradients(here, numbers)
     few, forces = here.few(numbers), None

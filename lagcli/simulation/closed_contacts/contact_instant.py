@@ -116,12 +116,9 @@ class ContactRowValues:
 
 
 class ContactInstant:
-    """All K contacts at a state, with the numbers of `compiled.contact_values`.
-
-    values: of the system; chosen: numbers of the run; has_gradient (K,): contacts whose gradient has a value there, as
-    others have none until they are closed; units (n,): of `parts.Sizes`; size: of the motion, as `parts.Sizes.q`, or
-    the largest so far.
-    """
+    """All K contacts at a state, with the numbers of `compiled.contact_values`. values: of the system; chosen: numbers
+    of the run; has_gradient (K,): contacts whose gradient has a value there, as others have none until they are closed;
+    units (n,): of `parts.Sizes`; size: of the motion, as `parts.Sizes.q`, or the largest so far."""
 
     def __init__(self, values: ContactRowValues, state: State, chosen: ContactParameters) -> None:
         self.state, self.values, self.chosen = state, values, chosen

@@ -41,10 +41,8 @@ class GapsAhead:
 
 
 def gaps_ahead(here: ContactInstant, x: Floats, enforced: Sequence[int]) -> GapsAhead:
-    """Gaps a little later, on the way with accelerations x (n,), with the contacts `enforced` closed.
-
-    Where nothing moves, or where nothing has a value ahead, all are said to stay.
-    """
+    """Gaps a little later, on the way with accelerations x (n,), with the contacts `enforced` closed. Where nothing
+    moves, or where nothing has a value ahead, all are said to stay."""
     everything, contacts = np.ones(here.g.size, dtype=bool), np.array(enforced, dtype=np.intp)
     tau, way = here.reach(x, FAR)
     if not way > 0:
@@ -77,12 +75,9 @@ def mode(
     open_: Selection, here: ContactInstant, found: ContactForces, level: Sequence[int], rows: int
 ) -> ContactMode:
     """The rows that act after an instant; open_: the selection without contacts; rows: C, the number of equality rows;
-    level: contacts that are closed and do not part, those that press among them.
-
-    A contact whose row depends on those before it shares their forces as any redundant row does, as long as it stays
-    closed with them. Where they are dependent at the instant alone, those are enforced that keep the others from
-    closing. Raises `ContactsUndecided`.
-    """
+    level: contacts that are closed and do not part, those that press among them. A contact whose row depends on those
+    before it shares their forces as any redundant row does, as long as it stays closed with them. Where they are
+    dependent at the instant alone, those are enforced that keep the others from closing. Raises `ContactsUndecided`."""
     choice = ModeChoice(open_, here, rows)
     closed = found.closed
     if are_independent(open_, here, level):
@@ -228,11 +223,8 @@ class MotionSeries:
 
     def at(self, here: ContactInstant, a: list[Floats], rounding: float) -> tuple[list[_Terms], int]:
         """The results of `NumericSystem.contact_motion` where a_0, a_1, ... are the accelerations, and none beyond, and
-        how many coefficients were asked for.
-
-        All coefficients are made while nothing moves, for they stay the same, and where a switch asks for the first
-        that is not zero; else those up to the order after the accelerations.
-        """
+        how many coefficients were asked for. All coefficients are made while nothing moves, for they stay the same, and
+        where a switch asks for the first that is not zero; else those up to the order after the accelerations."""
         s = here.state
         n, moves = s.q.size, s.v.any() or any(each.any() for each in a)
         count = len(a) + 1 if moves and not self._function.has_switches else ORDERS

@@ -176,10 +176,8 @@ class _Series:
         self._alone = len(self._impacts) + 1
 
     def _contracts(self, times: Floats) -> Flags | None:
-        """The contacts (K,) of a series that goes on as it did without end; None where it does not.
-
-        times: after which contacts would be struck, (K,).
-        """
+        """The contacts (K,) of a series that goes on as it did without end; None where it does not. times: after which
+        contacts would be struck, (K,)."""
         last, count = self._afters[-1], len(self._afters)
         contacts = int(self._struck.sum())
         for index in range(count - 2, max(-1, count - 2 - 4 * contacts), -1):

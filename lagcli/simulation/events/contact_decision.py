@@ -39,12 +39,9 @@ class SwitchSide:
 
 @frozen
 class Occasion:
-    """Why contacts are decided where the run stands.
-
-    here: they there; ahead: a state beyond, by which those are judged that are released; hits: numbers of rows, and of
-    declared events after all rows, of which the functions cross zero there; switch: the near side of the switch that
-    the run stands behind; is_start: it begins.
-    """
+    """Why contacts are decided where the run stands. here: they there; ahead: a state beyond, by which those are judged
+    that are released; hits: numbers of rows, and of declared events after all rows, of which the functions cross zero
+    there; switch: the near side of the switch that the run stands behind; is_start: it begins."""
 
     here: ContactInstant
     ahead: StateAhead | None = None
@@ -56,10 +53,8 @@ class Occasion:
 @frozen
 class _Struck:
     """The last of the impacts at an instant, which follow each other at once: the contacts before it, and behind it
-    without the rebounds that are left out; the line before it; None where none approaches.
-
-    is_apart: all contacts part behind it, or approach, so that none is closed.
-    """
+    without the rebounds that are left out; the line before it; None where none approaches. is_apart: all contacts part
+    behind it, or approach, so that none is closed."""
 
     here: ContactInstant
     after: ContactInstant
@@ -234,11 +229,9 @@ class ContactDecision:
         cut: AbstractSet[int] = frozenset(),
         is_told: bool = True,
     ) -> InstantLines:
-        """Tell of the incidents of contacts in their order, between the lines before and after.
-
-        closed: those that were enforced as closed before and after; cut: whose rebounds are cut off; is_told: of a
-        change without an impact too. The result: the lines with the impulses of all rows (C + K,).
-        """
+        """Tell of the incidents of contacts in their order, between the lines before and after. closed: those that were
+        enforced as closed before and after; cut: whose rebounds are cut off; is_told: of a change without an impact
+        too. The result: the lines with the impulses of all rows (C + K,)."""
         run, contacts, (before, after) = self._run, self._contacts, closed
         impulses = np.zeros(contacts.rows + contacts.count)
         found: list[tuple[Kind, list[int]]] = [("accumulation", sorted(cut)), ("contact", sorted(cut))]
@@ -356,10 +349,8 @@ class ContactChanges:
 
     def at_switch(self, side: SwitchSide, taken: float, events: list[int]) -> list[int]:
         """Decide the contacts anew where functions of t, or in closed contacts, have switched: forces, velocities of
-        walls and their gradients may jump; of the events of the switch those that are left to be reported.
-
-        At an edge only an impact asks for one gradient.
-        """
+        walls and their gradients may jump; of the events of the switch those that are left to be reported. At an edge
+        only an impact asks for one gradient."""
         here, closed = self._contacts.here(taken, taken), list(self._contacts.closed)
         # A wall that is suddenly faster may be away from a contact that is closed, within the time across.
         if not (here.near.any() or self._contacts.lying):

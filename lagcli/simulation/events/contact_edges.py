@@ -31,11 +31,9 @@ FEW_ROUNDINGS = tuple(2**power for power in range(12))
 
 
 class EdgeEvent(Event):
-    """An edge of a contact that is closed, or a switch of a force.
-
-    A motion with the contact closed has no step across an edge: velocities would have to jump. Steps end before it, and
-    from the other side, which is a few roundings of the time away, contacts decide. So they do where a force switches.
-    """
+    """An edge of a contact that is closed, or a switch of a force. A motion with the contact closed has no step across
+    an edge: velocities would have to jump. Steps end before it, and from the other side, which is a few roundings of
+    the time away, contacts decide. So they do where a force switches."""
 
     def __init__(self, stepper: Stepper) -> None:
         self._run = stepper

@@ -127,10 +127,8 @@ class ContactEvent(Event):
         return Cut(met.step, partial(self._act, met), partial(self._changes.events.report, met.at_end))
 
     def _met_at_switch(self, step: FoundStep) -> Met:
-        """What functions of t make jump at a switch: declared events, and walls, which may not.
-
-        Forces, and velocities of walls, may: which contacts press is decided beyond it.
-        """
+        """What functions of t make jump at a switch: declared events, and walls, which may not. Forces, and velocities
+        of walls, may: which contacts press is decided beyond it."""
         watch, met = self._current(), Met(step)
         before, after, crossed = watch.begin(), watch.end(step.reached), list[int]()
         if E := self._system.event_values.numel():
@@ -277,10 +275,8 @@ class ContactEvent(Event):
         self, watch: StepWatch, step: FoundStep, limit: float, asked: tuple[Indices, Floats]
     ) -> tuple[Floats, EventSizes | None]:
         """The noise of some functions, by their indices (k,) and the noise of what they are made of, in a step up to a
-        part of it; and the sizes of declared events, if any is among them.
-
-        Raises `StepFailure` where a closed contact pulls at its begin.
-        """
+        part of it; and the sizes of declared events, if any is among them. Raises `StepFailure` where a closed contact
+        pulls at its begin."""
         kinds, (indices, noise) = watch.functions.kinds, asked
         begin, end = (watch.inside(x)[0].copy() for x in (0.0, limit))
         bound = self._stepper.bound

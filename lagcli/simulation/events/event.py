@@ -29,18 +29,13 @@ class Event:
         return None
 
     def passes(self) -> FoundStep | None:
-        """The step that leads over it where it is due; None where an ordinary step is to be found.
-
-        Raises `StepFailure` where the motion does not go on.
-        """
+        """The step that leads over it where it is due; None where an ordinary step is to be found. Raises `StepFailure`
+        where the motion does not go on."""
         return None
 
     def found(self, step: FoundStep) -> Cut | None:
         """What it makes of a step, whichever found it, as those asked before have left it; None where it is nothing to
-        it.
-
-        The earliest end so stays. Raises `StepFailure` where the motion does not go on in it.
-        """
+        it. The earliest end so stays. Raises `StepFailure` where the motion does not go on in it."""
         return None
 
 

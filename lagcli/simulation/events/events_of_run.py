@@ -9,10 +9,8 @@ from lagcli.smoothness import named_functions
 
 
 def found(stepper: Stepper) -> tuple[Event, ...]:
-    """The events, in the order in which they are asked; the first that finds a step leaves none to the others.
-
-    Modules that most runs have no use for are loaded where a run may meet what they are for.
-    """
+    """The events, in the order in which they are asked; the first that finds a step leaves none to the others. Modules
+    that most runs have no use for are loaded where a run may meet what they are for."""
     enforced, events = stepper.bound.enforced, list[Event]()
     system, model = enforced.system, enforced.system.model
     if stepper.timetable.is_any:  # functions of t that switch

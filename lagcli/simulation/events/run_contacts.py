@@ -33,11 +33,8 @@ Found = TypeVar("Found")
 
 
 class RunContacts:
-    """All K contacts of a run.
-
-    rows: C, the number of equality rows; count: K; open_: the selection without contacts; series: of the motion with
-    them open; names: of all (K,).
-    """
+    """All K contacts of a run. rows: C, the number of equality rows; count: K; open_: the selection without contacts;
+    series: of the motion with them open; names: of all (K,)."""
 
     def __init__(self, run: Stepper) -> None:
         enforced = run.bound.enforced

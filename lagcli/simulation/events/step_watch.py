@@ -350,11 +350,9 @@ def at_switch(
     sides: tuple[Floats, Floats],
     jumped: Callable[[Floats, Floats], list[int]],
 ) -> tuple[list[int], list[int]]:
-    """The events that cross zero, of those that are at zero on both sides, and all these, by their numbers.
-
-    The next step would see no more than on which side rounding has put them. sides: values (E,) before and after;
-    jumped: as `EventValues.jumped`.
-    """
+    """The events that cross zero, of those that are at zero on both sides, and all these, by their numbers. The next
+    step would see no more than on which side rounding has put them. sides: values (E,) before and after; jumped: as
+    `EventValues.jumped`."""
     run, (before, after) = watch.run, sides
     E = before.size
     rounding, values = watch.rounding(step)[-E:], np.maximum(np.abs(before), np.abs(after))

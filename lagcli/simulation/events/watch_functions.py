@@ -29,10 +29,8 @@ DIRECTIONS = {"up": zero_search.UP, "down": zero_search.DOWN, "both": zero_searc
 
 class WatchFunctions:
     """Functions w (W,) in this order: of `contacts` g where they are open, lambda of those that are closed, -load of
-    those that lie idle; `when` of the events.
-
-    The functions are of one set of closed contacts, or of all sets of which switches choose.
-    """
+    those that lie idle; `when` of the events. The functions are of one set of closed contacts, or of all sets of which
+    switches choose."""
 
     def __init__(self, numeric: NumericSystem, method: Method, system: System) -> None:
         C, K = len(system.rows.rows), system.contacts.count
@@ -78,10 +76,8 @@ class WatchFunctions:
 
     @cached_property
     def inside(self) -> Compiled:
-        """inside(t, h, x, y, coefficients, p) -> w and dw/dx, (W,) each, at the fraction x of a step from y at t.
-
-        A gap may have no slope at a point, as a distance that is 0 there: what it does beside it counts, and it is 0.
-        """
+        """inside(t, h, x, y, coefficients, p) -> w and dw/dx, (W,) each, at the fraction x of a step from y at t. A gap
+        may have no slope at a point, as a distance that is 0 there: what it does beside it counts, and it is 0."""
         t, h, x, y, p = step_end.symbols(self._numeric, "t h x y p")
         coefficients = ca.MX.sym("c", y.numel(), self._method.dense_rows)
         w = self.watched(t + x * h, self._method.interpolated(y, coefficients, x), p)
@@ -93,11 +89,9 @@ class WatchFunctions:
     @cached_property
     def hull(self) -> Compiled | None:
         """hull(t, h, y, k, new, k_new, p) -> the smallest of numbers (W,), each above 0 where a gap has no zero within
-        the step, and those numbers.
-
-        The quintic curve of `screen` lies in the hull of its control points, which is made wider by a part of itself;
-        none of the gaps, by interval arithmetic, is zero there. None where more than gaps is watched.
-        """
+        the step, and those numbers. The quintic curve of `screen` lies in the hull of its control points, which is made
+        wider by a part of itself; none of the gaps, by interval arithmetic, is zero there. None where more than gaps is
+        watched."""
         if self._closed or self._events or not self._open:
             return None
         n = self._numeric.n
@@ -179,12 +173,10 @@ def _quintic(x: ca.MX, h: ca.MX, begin: tuple[ca.MX, ca.MX], end: tuple[ca.MX, c
 
 
 class WatchKinds:
-    """The kinds of the functions w (W,) of `WatchFunctions`, of contacts and of events.
-
-    numbers (W,): of their rows, contacts from `first_contact` on, and of events after all rows, from `first_event` on;
-    direction (W,): as `zero_search` takes it; is_event (W,); records (W,): events that do not end the run; names: of
-    events, by their index in w.
-    """
+    """The kinds of the functions w (W,) of `WatchFunctions`, of contacts and of events. numbers (W,): of their rows,
+    contacts from `first_contact` on, and of events after all rows, from `first_event` on; direction (W,): as
+    `zero_search` takes it; is_event (W,); records (W,): events that do not end the run; names: of events, by their
+    index in w."""
 
     def __init__(self, system: System, watched: Indices) -> None:
         C, events = len(system.rows.rows), system.model.events

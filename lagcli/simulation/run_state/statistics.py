@@ -21,11 +21,9 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 @frozen
 class Incident:
     """An impact, contact, release or event of one name at an instant t, not counted from the origin of the run.
-
     impulses: of all constraints then, in the order of the columns `lambda.NAME` (C + K,), in units of lambda times
     time: momenta jump by B^T Lambda + G^T Lambda_G; before, after: lines of the table without t, then errors where the
-    table has them.
-    """
+    table has them."""
 
     t: float
     kind: Kind
@@ -104,12 +102,10 @@ NO_ROWS = Extremes(*[0.0] * len(dataclasses.fields(Extremes)))
 
 @dataclasses.dataclass(slots=True, kw_only=True)
 class Counts:
-    """The counts of a run up to its state, one a line: the run state, checkpoints and a resumed run have them.
-
-    steps are accepted ones; evaluations: of the right-hand side; notes: on integrals that are not enforced all the
-    time; crossings: singular configurations passed; tally: of incidents up to the state; reported: of those handed out,
-    or standing in `RunStatistics.incidents`, maybe more where the run was resumed from before them.
-    """
+    """The counts of a run up to its state, one a line: the run state, checkpoints and a resumed run have them. steps
+    are accepted ones; evaluations: of the right-hand side; notes: on integrals that are not enforced all the time;
+    crossings: singular configurations passed; tally: of incidents up to the state; reported: of those handed out, or
+    standing in `RunStatistics.incidents`, maybe more where the run was resumed from before them."""
 
     steps: int = 0
     rejected: int = 0
@@ -132,11 +128,8 @@ def named(values: tuple[object, ...]) -> dict[str, Any]:
 
 @dataclasses.dataclass(slots=True, kw_only=True)
 class RunStatistics(Counts):
-    """The account of a run; `extremes` is None before its first row.
-
-    resting: the energy of `RestingForces`; ended_by: the name of the event that has ended the run; is_balanced: whether
-    the work W is known up to here.
-    """
+    """The account of a run; `extremes` is None before its first row. resting: the energy of `RestingForces`; ended_by:
+    the name of the event that has ended the run; is_balanced: whether the work W is known up to here."""
 
     solve_seconds: float = 0.0
     extremes: Extremes | None = None

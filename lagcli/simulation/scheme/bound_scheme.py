@@ -16,10 +16,8 @@ from lagcli.start.initial import State
 
 
 class BoundStep:
-    """A step from t, y with k = y'(t, y) to new with k_new = y', and what else is asked at a state.
-
-    t, h, status, scratch_t: memory of plain floats; scratch: `NumericSystem.project` on arrays (t, y, p) of its own.
-    """
+    """A step from t, y with k = y'(t, y) to new with k_new = y', and what else is asked at a state. t, h, status,
+    scratch_t: memory of plain floats; scratch: `NumericSystem.project` on arrays (t, y, p) of its own."""
 
     def __init__(self, enforced: EnforcedInvariants, method: Method, y: Floats, tolerance: Floats) -> None:
         self.p = enforced.parameters
@@ -80,11 +78,9 @@ class BoundStep:
 
 
 class BoundRows:
-    """The dense output of a step and its lines: begin, inside, end and aside write `line`, at the time in `at`.
-
-    at, x, cells: memory of plain floats, of the time, the fraction of the step and the line; aside has a state of its
-    own; defect: None but for a run with witnesses.
-    """
+    """The dense output of a step and its lines: begin, inside, end and aside write `line`, at the time in `at`. at, x,
+    cells: memory of plain floats, of the time, the fraction of the step and the line; aside has a state of its own;
+    defect: None but for a run with witnesses."""
 
     def __init__(self, bound: BoundStep, method: Method, is_witnessed: bool) -> None:
         scheme = bound.enforced.functions.scheme(method)

@@ -92,11 +92,9 @@ def improved(project: BoundFunction, guess: Step, h: float, count: int, rtol: fl
 
 class _Mixing:
     """Anderson's acceleration of a fixed-point iteration x -> g(x): the combination of the last iterates whose change
-    g(x) - x is least, mixed of their g(x) (Anderson, J. ACM 12 (1965) 547).
-
-    Close to dependent rows the projection turns an error of a state into one of its slope as large as 1/h: the plain
-    iteration then contracts slowly or not at all, whatever the length of the step.
-    """
+    g(x) - x is least, mixed of their g(x) (Anderson, J. ACM 12 (1965) 547). Close to dependent rows the projection
+    turns an error of a state into one of its slope as large as 1/h: the plain iteration then contracts slowly or not at
+    all, whatever the length of the step."""
 
     def __init__(self, sizes: Floats) -> None:
         self._sizes = sizes

@@ -86,10 +86,8 @@ def is_hopeless(advanced: float, left: float, row: float) -> bool:
 
 def first_step(rhs: BoundFunction, k: Floats, sizes: Floats, tolerance: Floats, order: int) -> float:
     """The length of the first step from where `rhs` stands on its arrays (t, y, p), with k = y'(t, y) (2n + 1,),
-    `parts.Sizes.packed` there (n + 3,), `step_tolerance.of_steps` and the order of the method.
-
-    `rhs` is evaluated once, and its arguments are left as they were. The end of the run plays no part in it.
-    """
+    `parts.Sizes.packed` there (n + 3,), `step_tolerance.of_steps` and the order of the method. `rhs` is evaluated once,
+    and its arguments are left as they were. The end of the run plays no part in it."""
     t = float(rhs.arguments[0][0])
     n = k.size // 2
     units, (q, v, forced) = sizes[:n], sizes[n:].tolist()

@@ -106,11 +106,8 @@ def _mix(weights: Sequence[float], stages: Sequence[ca.MX]) -> ca.MX:
 @memory.remembered()
 def _hidden() -> ca.Function:
     """Smallest angle and smallest diagonal (2, 8) at the watched stages and at the end -> below zero where they may
-    have gone through zero within the step and come back.
-
-    Lines through two of their roots then lead below zero on the other side of a gap, or one is much smaller than both
-    beside it.
-    """
+    have gone through zero within the step and come back. Lines through two of their roots then lead below zero on the
+    other side of a gap, or one is much smaller than both beside it."""
     squares = ca.SX.sym("squares", 2, len(WATCHED) + 1)
     roots = ca.sqrt(ca.fmax(squares, 0.0))
     at = [*(dop853_tableau.C[s] for s in WATCHED), 1.0]

@@ -68,11 +68,8 @@ class RunFunctions:
 
 
 class Integrals:
-    """The integrals of one system, and its functions with any choice of their charts.
-
-    selection: the independent rows that it is stepped with. Raises as `level_functions.charts` where a chart is no
-    expression of the system.
-    """
+    """The integrals of one system, and its functions with any choice of their charts. selection: the independent rows
+    that it is stepped with. Raises as `level_functions.charts` where a chart is no expression of the system."""
 
     def __init__(self, system: System, plain: RunFunctions, found: tuple[FirstIntegral, ...]) -> None:
         self.found = found
@@ -274,11 +271,9 @@ def begin(found: Integrals, state: State) -> tuple[EnforcedInvariants, tuple[str
 def let_go(
     enforced: EnforcedInvariants, state: State, ahead: State, tried: Tried
 ) -> tuple[EnforcedInvariants, tuple[str, ...], Tried]:
-    """Release the levels that do not lead from a state to one ahead, with other charts where they do.
-
-    `ahead` is where the system without integrals would go, in a step in which the levels enforced failed. `tried`:
-    charts that failed in this step before, given back with those that do now.
-    """
+    """Release the levels that do not lead from a state to one ahead, with other charts where they do. `ahead` is where
+    the system without integrals would go, in a step in which the levels enforced failed. `tried`: charts that failed in
+    this step before, given back with those that do now."""
     forms, taken = enforced.integrals.at(ahead), list(_taken(enforced.invariant_values))
     guilty = {i for i, level in taken if forms.fault(i, level)}
     if not guilty:
@@ -314,11 +309,8 @@ def _chosen(
     tried: Tried = frozenset(),
 ) -> tuple[InvariantValues, list[str]]:
     """The levels of all integrals through a state, those `retained` as they are; and why one is not enforced, empty
-    where it is, or follows from what is.
-
-    A level goes through the first of `states`, and its chart serves at all of them. wanted: to be enforced; tried:
-    charts that are passed over.
-    """
+    where it is, or follows from what is. A level goes through the first of `states`, and its chart serves at all of
+    them. wanted: to be enforced; tried: charts that are passed over."""
     charts = [[c for c in range(len(f.charts)) if (i, c) not in tried] for i, f in enumerate(found.found)]
     levels, reasons = list(retained), ["" if level else NO_FORM for level in retained]
     wanted = [i for i in wanted if charts[i]]

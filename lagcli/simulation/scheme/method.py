@@ -33,11 +33,9 @@ JACOBI = -4
 
 
 class Method(Protocol):
-    """One step from y to a state on the constraints, and the states between.
-
-    name: that users know it by; order: the error of a step is of order + 1 in h; evaluations: of y' in a step, and
-    dense_evaluations in the dense output; dense_rows: its coefficients for each number of the state.
-    """
+    """One step from y to a state on the constraints, and the states between. name: that users know it by; order: the
+    error of a step is of order + 1 in h; evaluations: of y' in a step, and dense_evaluations in the dense output;
+    dense_rows: its coefficients for each number of the state."""
 
     name: str
     order: int
@@ -111,10 +109,8 @@ class Scheme:
     def defect(self) -> Compiled:
         """defect(t, x, h, y, coefficients, tolerance, p) -> how far y' of the dense output is from that of the
         equations at the fraction x of a step from y, times h, as a part of what the tolerance allows the largest
-        component of (q, v).
-
-        It is no less than the error of a step that has missed a force then, else of the order of the dense output in h.
-        """
+        component of (q, v). It is no less than the error of a step that has missed a force then, else of the order of
+        the dense output in h."""
         numeric, method = self._numeric, self._method
         t, x, h, y, tolerance, p = step_end.symbols(numeric, "t x h y tolerance p")
         coefficients, n = ca.MX.sym("coefficients", y.numel(), method.dense_rows), numeric.n

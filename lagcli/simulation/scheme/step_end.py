@@ -126,10 +126,8 @@ def _within(near_t: ca.MX | float, h: ca.MX, states: tuple[ca.MX, ca.MX, ca.MX])
 
 
 def _judge(sort: type[Expression], size: int, count: int, combined: Combined) -> ca.Function:
-    """judge(y, new, projected, h, sizes, tolerance, noise, blur, estimates) -> (error, moved, error of W).
-
-    noise, blur (2n + 1,): what the rounding of t makes of the error, and of the state; of estimates there are `count`.
-    """
+    """judge(y, new, projected, h, sizes, tolerance, noise, blur, estimates) -> (error, moved, error of W). noise, blur
+    (2n + 1,): what the rounding of t makes of the error, and of the state; of estimates there are `count`."""
     n = size // 2
     y, new, projected, noise, blur = (
         sort.sym(name, size) for name in ("y", "new", "projected", "noise", "blur")

@@ -61,12 +61,9 @@ COUNT, BLURRED, UNIT = 8, slice(5, 8), doubles.EPS / 2
 
 def of_steps(settings: Simulation, balanced: float = 0.0) -> Floats:
     """(rtol, atol, part, rounding, balanced, blurred (3,)): the error of a step is compared with rtol |y| + atol, plus
-    these parts of sizes.
-
-    Without `atol` it is zero; with it `part` is, and `rounding` counts only where atol is below that of positions.
-    balanced: the acceleration of `RestingForces`, whose rounding is allowed; blurred: positions, velocities and
-    accelerations that are rounding of rows and forces, noted for each step where they count.
-    """
+    these parts of sizes. Without `atol` it is zero; with it `part` is, and `rounding` counts only where atol is below
+    that of positions. balanced: the acceleration of `RestingForces`, whose rounding is allowed; blurred: positions,
+    velocities and accelerations that are rounding of rows and forces, noted for each step where they count."""
     rtol = max(settings.rtol / PARAMETERS.tightening, min(settings.rtol, PARAMETERS.finest))
     tightened = rtol / settings.rtol
     if settings.atol is not None:

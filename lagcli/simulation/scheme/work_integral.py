@@ -75,11 +75,9 @@ class Work:
 def within(
     project: BoundFunction, span: tuple[float, float, float], y: Floats, states: Callable[[Floats], Floats]
 ) -> Work | None:
-    """W within an ordinary step from y, beginning at y[-1]; None where it is not found.
-
-    project: `NumericSystem.project` on arrays (t, y, p) of its own; span: t, h and the relative tolerance of a step;
-    states(x (k,)) -> the dense output at fractions of the step (k, 2n + 1).
-    """
+    """W within an ordinary step from y, beginning at y[-1]; None where it is not found. project:
+    `NumericSystem.project` on arrays (t, y, p) of its own; span: t, h and the relative tolerance of a step; states(x
+    (k,)) -> the dense output at fractions of the step (k, 2n + 1)."""
     t, h, rtol = span
     n = y.size // 2
 
@@ -106,11 +104,9 @@ def within(
 
 
 class WorkIntegral:
-    """The integral of a power over a step, to a relative tolerance of the energies at hand.
-
-    powers(times (k,)) -> the power at each (k,), and an energy such as the largest of the motion there, or None;
-    perturbed: the same at states that are moved by their rounding.
-    """
+    """The integral of a power over a step, to a relative tolerance of the energies at hand. powers(times (k,)) -> the
+    power at each (k,), and an energy such as the largest of the motion there, or None; perturbed: the same at states
+    that are moved by their rounding."""
 
     def __init__(self, powers: Powers, rtol: float, perturbed: Powers | None = None) -> None:
         self._powers, self._rtol, self._perturbed = powers, rtol, perturbed

@@ -102,11 +102,8 @@ NEVER = Prediction(math.inf, 0)
 
 class SingularityMonitor(NamedTuple):
     """What was seen of the rows up to a step, and what is foreseen from there: a value, so that of a step which is not
-    taken nothing is left.
-
-    seen: t, smallest angle and least diagonal after the last step, and the largest of the latter so far; empty before
-    the first one.
-    """
+    taken nothing is left. seen: t, smallest angle and least diagonal after the last step, and the largest of the latter
+    so far; empty before the first one."""
 
     seen: tuple[float, ...] = ()
     foreseen: Prediction = NEVER
@@ -169,11 +166,8 @@ def _instant(before: tuple[float, ...], t: float, square: float, component: int,
 
 
 def is_dip(square: Callable[[float], float], now: float, ahead: float) -> bool:
-    """True if the square of an angle, `now` at the beginning, has a minimum well above zero.
-
-    square(h) is that after a time h, nan where it is not known: then nothing is; ahead: the time after which the angle
-    is expected to vanish.
-    """
+    """True if the square of an angle, `now` at the beginning, has a minimum well above zero. square(h) is that after a
+    time h, nan where it is not known: then nothing is; ahead: the time after which the angle is expected to vanish."""
     found = {0.0: now, ahead / 2: square(ahead / 2), ahead: square(ahead)}
 
     def are_above() -> bool:

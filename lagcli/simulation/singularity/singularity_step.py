@@ -126,11 +126,9 @@ def across(
     numeric: NumericSystem, project: BoundFunction, here: Point, predicted: Prediction
 ) -> SingularStep | Selection | None:
     """The step across what is predicted, or other independent rows to go on with, or None: an ordinary step goes on.
-
     project: `NumericSystem.project` on arrays (t, y, p) of its own. Other rows are taken where those at hand become
     dependent and others do not. A step that begins close to the instant is long beyond it, for rounding is amplified
-    close to it.
-    """
+    close to it."""
     parts = PARAMETERS.parts if predicted.angle < PARAMETERS.too_close else PARAMETERS.parts[:1]
     placed = (_placed(project, here, predicted, part) for part in parts)
     found, begin = next((each for each in placed if each is not None), None), here.state(here.t, here.y)
@@ -269,10 +267,8 @@ def _beside(
 
 def _zero(x: Floats, y: Floats) -> tuple[float, float]:
     """Zero of the cubic through four points (x, y) near a falling line, and its slope there; nan if it does not fall.
-
     Newton's method on divided differences. Roots from a companion matrix would be as inexact as the cubic term is
-    small, by 1e-10 where it is rounding only, and different from one linear algebra library to the next.
-    """
+    small, by 1e-10 where it is rounding only, and different from one linear algebra library to the next."""
     first = np.diff(y) / np.diff(x)
     second = np.diff(first) / (x[2:] - x[:-2])
     third = (second[1] - second[0]) / (x[3] - x[0])
@@ -324,9 +320,7 @@ INDEPENDENT = 0.1
 
 def loss(numeric: NumericSystem, before: State, there: State, rtol: float) -> RankDrop | None:
     """The loss of the independent rows at a state; None where they lose nothing, or where the branches do not meet.
-
-    before: a state of the same motion at which rows have their lengths; rtol: relative error of positions.
-    """
+    before: a state of the same motion at which rows have their lengths; rtol: relative error of positions."""
     independent = list(numeric.selection.independent)
     holonomic = [i for i in independent if i < numeric.holonomic.size1_out(0)]
     if len(independent) > MOST_ROWS:

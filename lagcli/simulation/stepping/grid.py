@@ -54,10 +54,8 @@ class Grid:
         return self.first(math.nextafter(t + doubles.ZERO * self.step, math.inf))
 
     def is_rounding(self, interval: float, t: float) -> bool:
-        """True if an interval that ends at the time t, as the table shows it, is rounding, and no interval.
-
-        That of the time is more than `doubles.ZERO` of a step for fine rows at a late time.
-        """
+        """True if an interval that ends at the time t, as the table shows it, is rounding, and no interval. That of the
+        time is more than `doubles.ZERO` of a step for fine rows at a late time."""
         return interval <= max(doubles.ZERO * self.step, math.ulp(t))
 
     def first(self, t: float) -> int:
@@ -87,9 +85,7 @@ def of_run(settings: Simulation, origin: float = 0.0) -> Grid:
 class Witnesses:
     """The times at which steps are compared with the equations: rows of a grid, others between them at equal distances,
     as far as a model needs them, and where its narrow functions are passed; the grid is counted from `origin`.
-
-    is_again: for a run that repeats another; is_any: there are any at all.
-    """
+    is_again: for a run that repeats another; is_any: there are any at all."""
 
     def __init__(
         self, grid: Grid, functions: TimeFunctions | None, origin: float = 0.0, is_again: bool = False

@@ -63,11 +63,9 @@ def beside(h: float, is_start: bool) -> Floats:
 
 
 def interpolated(taus: Floats, lines: Floats, tau: float) -> Floats:
-    """A line of the table (w,) at a time tau after the instant, from lines (k, w) at times beside it.
-
-    A column may have a pole of first order at the instant; on the pole it has no value, nor has a column that is
-    not smooth there: fewer lines then give another.
-    """
+    """A line of the table (w,) at a time tau after the instant, from lines (k, w) at times beside it. A column may have
+    a pole of first order at the instant; on the pole it has no value, nor has a column that is not smooth there: fewer
+    lines then give another."""
     carried = lines * taus[:, None]
     near = np.abs(taus) < np.abs(taus).max()
     moment = np.abs(carried).max(axis=0)

@@ -58,10 +58,8 @@ class NarrowPlaces:
         return self._passed[0] > 0.0
 
     def within(self, dense: Curve, end: float) -> Iterator[float]:
-        """The fractions of the step at which features are felt, up to one of them.
-
-        A dense output one of whose own stages has met a force leads elsewhere: then those on the cubic of the ends.
-        """
+        """The fractions of the step at which features are felt, up to one of them. A dense output one of whose own
+        stages has met a force leads elsewhere: then those on the cubic of the ends."""
 
         def cubic(x: float) -> Floats:
             _, h, y, k, new, k_new, _ = self._passes.arguments

@@ -31,11 +31,8 @@ FORGIVEN, UNSEEN = 3e3, -1.0
 
 class StepTrial:
     """The step that is tried from where `bound` stands, with the functions of a run as they are now; the evaluations of
-    the right-hand side are counted in its statistics.
-
-    rows: the dense output of the step, and the lines of the table; has_dense: the dense output of the step that was
-    tried last is made.
-    """
+    the right-hand side are counted in its statistics. rows: the dense output of the step, and the lines of the table;
+    has_dense: the dense output of the step that was tried last is made."""
 
     def __init__(
         self,
@@ -56,10 +53,8 @@ class StepTrial:
 
     def attempt(self, reached: float, taken: float, has_stages: bool, longest: float) -> tuple[float, float]:
         """The error of a step, and the length of a smaller one that should be tried; 0 where it may be taken.
-
         has_stages: they are kept, for the dense output; longest: what no step is longer than, whatever is proposed. The
-        error is `UNSEEN` where only a witness speaks against the step.
-        """
+        error is `UNSEEN` where only a witness speaks against the step."""
         bound, control = self._bound, self._control
         bound.h[0], self.has_dense = taken, False
         bound.look_at_rounding()

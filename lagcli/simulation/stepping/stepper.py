@@ -38,12 +38,9 @@ NONE_TRIED: invariants.Tried = frozenset()
 
 class Stepper:
     """A run between two steps, and the step that is `found` next, None where it is still to be found; times are counted
-    from `origin` of the state.
-
-    trial: it tries steps with the functions that the run has now; t: the time reached; row_time: of the next row, for a
-    step that holds rows keeps its stages; keeps_stages: all do; longest: what the next step is not longer than,
-    whatever is proposed.
-    """
+    from `origin` of the state. trial: it tries steps with the functions that the run has now; t: the time reached;
+    row_time: of the next row, for a step that holds rows keeps its stages; keeps_stages: all do; longest: what the next
+    step is not longer than, whatever is proposed."""
 
     def __init__(
         self,
@@ -119,12 +116,9 @@ class Stepper:
         return State(self.origin + t, y[:n], y[n : 2 * n], self.bound.enforced.p)
 
     def advance(self, beyond: bool = False) -> None:
-        """Find an acceptable step from the current state.
-
-        The last step is cut to end where the run does. Where it is rejected the whole step is tried, as a
-        longer run would have tried it, so that the steps up to the last do not depend on the end. beyond: the end
-        plays no part. Raises `StepFailure`.
-        """
+        """Find an acceptable step from the current state. The last step is cut to end where the run does. Where it is
+        rejected the whole step is tried, as a longer run would have tried it, so that the steps up to the last do not
+        depend on the end. beyond: the end plays no part. Raises `StepFailure`."""
         self._rejected = 0
         try:
             self.found = self._next(beyond)

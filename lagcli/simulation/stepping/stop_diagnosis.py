@@ -179,12 +179,10 @@ NO_BRANCH = Reason(
 
 @frozen
 class Rejection:
-    """The last step that was tried, with the functions of its run.
-
-    error: its error; residual: that of the constraints at its end, as a part of its size; here, ahead: the states at
-    both ends; rank_margin, is_alone: of `SingularityMonitor`; is_soon: an instant is predicted within a small part
-    of the run; last: the time of the last incident, or of the start.
-    """
+    """The last step that was tried, with the functions of its run. error: its error; residual: that of the constraints
+    at its end, as a part of its size; here, ahead: the states at both ends; rank_margin, is_alone: of
+    `SingularityMonitor`; is_soon: an instant is predicted within a small part of the run; last: the time of the last
+    incident, or of the start."""
 
     enforced: EnforcedInvariants
     error: float

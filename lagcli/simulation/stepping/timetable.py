@@ -66,11 +66,8 @@ class SwitchSpan(NamedTuple):
 
 
 class Timetable:
-    """The switches and stations of a run.
-
-    start: of the run; row_step: the time between its rows; longest: what no step may be longer than; passing: how many
-    stations a step may pass.
-    """
+    """The switches and stations of a run. start: of the run; row_step: the time between its rows; longest: what no step
+    may be longer than; passing: how many stations a step may pass."""
 
     def __init__(
         self,
