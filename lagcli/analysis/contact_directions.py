@@ -22,8 +22,8 @@ from lagcli import doubles
 from lagcli.analysis.codimension.examine import connected
 from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem
-from lagcli.contact import complementarity, least_distance
-from lagcli.contact.least_distance import ContradictoryRows, UndecidedRows
+from lagcli.contact import complementarity
+from lagcli.contact.complementarity import ContradictoryRows, UndecidedRows
 from lagcli.equations import kinks
 from lagcli.equations.rows import ConstraintRows
 from lagcli.equations.system import System
@@ -150,7 +150,7 @@ def directions(
         found, more = _of_cone(A, moving)
         allowed: Floats | None = None
         try:
-            allowed = left.allowed + left.Z @ least_distance.shortest(A, least).x
+            allowed = left.allowed + left.Z @ complementarity.shortest(A, least).x
         except ContradictoryRows as error:
             closing = initial.quoted([moving[i] for i in error.rows])
             reason = f"no displacement over dt > 0 is allowed: {closing} close on each other"
@@ -240,7 +240,7 @@ def _locked(A: Floats) -> list[int]:
         if len(rank.row_basis(free[rest])) == rest.size:
             return sorted(locked)
         try:
-            least_distance.shortest(free[rest], np.ones(rest.size))
+            complementarity.shortest(free[rest], np.ones(rest.size))
         except ContradictoryRows as error:
             locked += [int(rest[i]) for i in error.rows]
             off = _off(A, locked)
@@ -269,14 +269,14 @@ def _rays(A: Floats) -> tuple[list[Floats], bool]:
     if len(basis) < len(A):  # others imply rows that are a sum of them with positive weights
         for i in range(len(A)):
             others = [j for j in numbers if j != i]
-            left = least_distance.residual(A[others].T, A[i])
+            left = complementarity.residual(A[others].T, A[i])
             if left is not None and np.linalg.norm(left) <= rank.PARAMETERS.small:
                 numbers = others
     needed = A[numbers]
     if len(needed) == len(basis):
         return [ray / np.linalg.norm(ray) for ray in decompositions.pseudo_inverse(needed).T], True
     if math.comb(len(needed), len(basis) - 1) > MOST_EDGES:
-        middle = least_distance.shortest(A, np.ones(len(A))).x
+        middle = complementarity.shortest(A, np.ones(len(A))).x
         return [middle / np.linalg.norm(middle)], False
     over = needed @ basis.T
     found: dict[tuple[int, ...], Floats] = {}

@@ -4,8 +4,7 @@ In: functions of x in [0, 1] along a step; M, the rows B and G and the velocitie
 Out: the first crossing of zero; impulses, velocities after an impact, forces of contacts, or why there are none
 
 `zero_search` finds where functions first cross zero and loses no root it could see, `zero_bounds` holds the bounds of
-a function on a piece of the step that it works with. `complementarity` solves the problem of contacts that push or
-open: `least_distance` finds the shortest vector that satisfies inequalities, `shared` says which multipliers are unique
-and splits the others. `impact_law` is the law of impact and gives the forces of contacts, by formulas where there are
-few.
+a function on a piece of the step that it works with. `complementarity` solves the problem of contacts that push or open
+by the shortest vector that satisfies inequalities, and says which multipliers are unique. `impact_law` is the law of
+impact and gives the forces of contacts, by formulas where there are few.
 """

@@ -23,7 +23,7 @@ import numpy as np
 from lagcli import doubles
 from lagcli.arrays import Flags, Floats
 from lagcli.contact import complementarity
-from lagcli.contact.least_distance import ContradictoryRows, UndecidedRows
+from lagcli.contact.complementarity import ContradictoryRows, UndecidedRows
 from lagcli.linear import rank
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse, stacked

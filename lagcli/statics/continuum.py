@@ -13,7 +13,7 @@ import numpy as np
 
 from lagcli import doubles
 from lagcli.arrays import Floats
-from lagcli.contact import least_distance
+from lagcli.contact import complementarity
 from lagcli.linear import decompositions, rank
 from lagcli.statics import point_type, precise_zeros, refine, rest_equations
 from lagcli.statics.point_type import PointType
@@ -208,7 +208,7 @@ def with_own_contacts(problem: StaticProblem, found: EquilibriumPoint, scales: S
     sizes, nothing = np.linalg.norm(G, axis=1), rank.PARAMETERS.small
     rows, closed_too = G / np.where(sizes > nothing, sizes, 1.0)[:, None], []
     if not (rows @ rows.sum(axis=0) > nothing).all():
-        left = [least_distance.residual(rows.T, -row) for row in rows]
+        left = [complementarity.residual(rows.T, -row) for row in rows]
         closed_too = [
             k
             for k, rest in zip(idle, left, strict=True)

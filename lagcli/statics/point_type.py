@@ -22,7 +22,7 @@ import numpy as np
 
 from lagcli import doubles
 from lagcli.arrays import Floats
-from lagcli.contact import least_distance
+from lagcli.contact import complementarity
 from lagcli.linear import decompositions, rank
 from lagcli.statics import flat_directions, precise_zeros, refine, rest_equations
 from lagcli.statics.flat_directions import FlatVerdict
@@ -256,7 +256,7 @@ def _of_one_sign(problem: StaticProblem, point: EquilibriumPoint, scales: Scales
     balanced: dict[int, Floats] = {}
     for sign in (1, -1):
         columns = np.vstack([unit[: problem.C], -unit[: problem.C], sign * unit[problem.C :]]).T
-        weights = least_distance.weights(columns, -values.F)
+        weights = complementarity.weights(columns, -values.F)
         if weights is None:
             return dataclasses.replace(plain, are_told=False)
         if np.abs(values.F + columns @ weights).max() <= limit:
@@ -315,7 +315,7 @@ def _of_many_multipliers(
     columns = np.vstack([unit[: problem.C], -unit[: problem.C], unit[problem.C :]]).T
     of_contacts = np.concatenate([np.zeros(2 * problem.C), np.ones(len(rows) - problem.C)])
     target = np.append(np.zeros(len(columns)), 1.0)
-    left = least_distance.residual(np.vstack([columns, of_contacts]), target)
+    left = complementarity.residual(np.vstack([columns, of_contacts]), target)
     if left is None or float(np.linalg.norm(left)) <= doubles.ZERO:
         return _kind(False, False, False, shared.pushes, shared.pulls), 0
     falling = turns(known[1], nothing)

@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lagcli.contact import complementarity
-from lagcli.contact.complementarity import Complementary
-from lagcli.contact.least_distance import ContradictoryRows, UndecidedRows
+from lagcli.contact.complementarity import Complementary, ContradictoryRows, UndecidedRows
 
 Floats = npt.NDArray[np.float64]
 

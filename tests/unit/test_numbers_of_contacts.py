@@ -11,12 +11,11 @@ from lagcli import doubles
 from lagcli.contact import (
     complementarity,
     impact_law,
-    least_distance,
     zero_bounds,
     zero_search,
 )
+from lagcli.contact.complementarity import ContradictoryRows
 from lagcli.contact.impact_law import ContactBlock, FewContacts, Response
-from lagcli.contact.least_distance import ContradictoryRows
 from lagcli.contact.zero_search import first_crossing
 from lagcli.linear.metric import Metric
 from lagcli.simulation.closed_contacts import contact_change, impact_series
@@ -109,10 +108,10 @@ def test_a_bound_may_be_eight_roundings_off(times, is_allowed):
 def test_no_vector_will_do_where_it_would_be_eight_digits_longer(angle, is_solved):
     A, h = np.array([[1.0, 0.0], [-1.0, angle]]), np.ones(2)
     if is_solved:
-        assert least_distance.shortest(A, h).x[1] == pytest.approx(2 / angle, rel=1e-6)
+        assert complementarity.shortest(A, h).x[1] == pytest.approx(2 / angle, rel=1e-6)
     else:
         with pytest.raises(ContradictoryRows):
-            least_distance.shortest(A, h)
+            complementarity.shortest(A, h)
 
 
 # Loads that may be shared
