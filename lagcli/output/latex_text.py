@@ -75,22 +75,16 @@ def _sign(letter: str) -> str:
         return rf"\ensuremath{{{_MATH[letter]}}}"
     if found := _GREEK.fullmatch(unicodedata.name(letter, "")):
         name = found[2]
-        if found[1] == "CAPITAL":
-            return (
-                rf"\ensuremath{{\mathrm{{{_LATIN[name]}}}}}"
-                if name in _LATIN
-                else _command(name.capitalize())
-            )
-        return rf"\ensuremath{{{_NAMED[name]}}}" if name in _NAMED else _command(name.lower())
+        if found[1] == "CAPITAL" and name in _LATIN:
+            return rf"\ensuremath{{\mathrm{{{_LATIN[name]}}}}}"
+        if found[1] == "SMALL" and name in _NAMED:
+            return rf"\ensuremath{{{_NAMED[name]}}}"
+        command = name.capitalize() if found[1] == "CAPITAL" else name.lower()
+        return rf"\ensuremath{{\{command.replace('Lamda', 'Lambda')}}}"
     kind, _, plain_letter = unicodedata.decomposition(letter).partition(" ")
     if kind in ("<super>", "<sub>") and len(plain_letter) == 4:
         moved = chr(int(plain_letter, 16))
-        if moved.isascii() and moved.isalnum():
-            return rf"\ensuremath{{{'^' if kind == '<super>' else '_'}{{{moved}}}}}"
-        if moved in "\u2212+":
-            return rf"\ensuremath{{{'^' if kind == '<super>' else '_'}{{{'-' if moved != '+' else '+'}}}}}"
+        if moved in "\u2212+" or (moved.isascii() and moved.isalnum()):
+            written = moved.replace("\u2212", "-")
+            return rf"\ensuremath{{{'^' if kind == '<super>' else '_'}{{{written}}}}}"
     return rf"\texttt{{[U+{ord(letter):04X}]}}"
-
-
-def _command(name: str) -> str:
-    return rf"\ensuremath{{\{name.replace('Lamda', 'Lambda')}}}"

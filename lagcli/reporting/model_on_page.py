@@ -1,8 +1,5 @@
 """The blocks of a report that every format of it can write, and a model as such blocks: its declarations and its text.
-
-All texts are plain: nothing in them is markup, and the writers escape every one. Only `PageEquations` holds markup,
-which `derive` has made and escaped.
-"""
+All texts are plain, and the writers escape every one; only `PageEquations` holds markup, which `derive` has made."""
 
 from __future__ import annotations
 

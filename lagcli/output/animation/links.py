@@ -202,11 +202,8 @@ def ties(samples: Floats, numbers: Integers) -> list[Tie]:
         pairs[i] = sorted((float(apart[0, j]), int(j)) for j in constant)[:NEAREST_TIED]
     joined = {(min(i, j), max(i, j)): length for i, near in pairs.items() for length, j in near}
     found = [Tie(int(numbers[i]), int(numbers[j]), length) for (i, j), length in sorted(joined.items())]
-    for i in range(len(numbers)):
-        pivot = _pivot(samples[:, i], size)
-        if pivot is not None:
-            found.append(Tie(int(numbers[i]), *pivot))
-    return found
+    pivots = [(number, _pivot(samples[:, i], size)) for i, number in enumerate(numbers.tolist())]
+    return found + [Tie(number, *pivot) for number, pivot in pivots if pivot is not None]
 
 
 def _pivot(positions: Floats, size: float) -> tuple[Floats, float] | None:

@@ -1,8 +1,5 @@
-"""The page of an animation: one HTML file that needs nothing else, with three.js and all numbers in it.
-
-The scene stands in it as JSON and one block of 32-bit floats in base64, each array by its offset and its length. One
-instant is a drawing in SVG: for a report, a printer, or a browser that draws nothing else.
-"""
+"""The page of an animation: one HTML file with three.js, the scene as JSON and its arrays as one block of 32-bit floats
+in base64. One instant is a drawing in SVG: for a report, a printer, or a browser that draws nothing else."""
 
 from __future__ import annotations
 

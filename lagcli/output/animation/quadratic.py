@@ -1,8 +1,5 @@
-"""The rows of a model as functions of positions up to the second degree, the root of one, and no others.
-
-The left sides of simple rows are such functions: planes, spheres, cylinders, distances. Coefficients are numbers, or
-arrays (T,) over the instants of an animation where they depend on t.
-"""
+"""The rows of a model as functions of positions up to the second degree, and roots of one: planes, spheres, cylinders,
+distances. Coefficients are numbers, or arrays (T,) over the instants of an animation where they depend on t."""
 
 from __future__ import annotations
 

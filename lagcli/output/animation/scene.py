@@ -1,7 +1,5 @@
-"""A scene: all that an animation shows, as numbers over T instants, whatever shows it, and from where it is seen.
-
-Lengths, times and forces are in the units of the model. What does not move has arrays of one row in place of T.
-"""
+"""A scene: all that an animation shows, as numbers over T instants in the units of the model, and whence it is seen.
+What does not move has arrays of one row in place of T."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """A chart as data: panels of curves with the words of their axes and legends, whatever they are drawn with.
 
-Rows, curves and paths are decimated to as many points as a figure can show: rows evenly, a curve over time keeps the
-extrema of its stretches, and of a path in a plane what goes over the same points again is drawn once.
+All is decimated to what a figure can show: rows evenly, a curve over time keeps the extrema of its stretches, and a
+path in a plane goes over the same points once.
 """
 
 from __future__ import annotations

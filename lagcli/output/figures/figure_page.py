@@ -1,8 +1,5 @@
-"""A page of blocks for figures that are printed: texts, legends, axes, in inches from the upper left corner.
-
-Each block knows its height before anything is drawn. Texts are measured and broken into lines, and never read as
-markup: the names and the title are the user's.
-"""
+"""A page of blocks for figures that are printed: texts, legends, axes, in inches from the upper left corner. Texts are
+measured, broken into lines, and never read as markup: names and titles are the user's."""
 
 import bisect
 import contextlib

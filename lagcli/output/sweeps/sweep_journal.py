@@ -1,7 +1,7 @@
 """The rows of a sweep as they come, safe on the disk: a file that only grows at its end, a line a row.
 
-The first line says of which sweep it is. Every line begins with its checksum, which tells one that a kill has torn;
-rows stand in the order of their points, so that those that are missing are all behind them.
+The first line says of which sweep it is; each begins with its checksum, which tells one that a kill has torn. Rows
+stand in the order of their points: those that are missing are all behind them.
 """
 
 from __future__ import annotations

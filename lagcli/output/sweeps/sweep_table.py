@@ -97,12 +97,6 @@ class PlannedRows:
         return f"{hashlib.sha256(text.encode()).hexdigest()[:16]} {self.count}"
 
 
-def texts(fmt: str, names: Sequence[str]) -> tuple[str, ...]:
-    """The columns that are written as text; where a file holds plain text whole numbers are, to have no point."""
-    whole = (NUMBER, STATUS) if fmt in formats.PLAIN else ()
-    return tuple(name for name in (*whole, MESSAGE, SHARD, CHECKSUM) if name in names)
-
-
 class SweepTable:
     """Takes the rows of a sweep into the sink of a file or a stream; `shard`: the text of the column `SHARD`."""
 
@@ -115,7 +109,9 @@ class SweepTable:
     ) -> None:
         fmt = formats.of(target, formats.TABLES) if isinstance(target, Path) else "csv"
         self._names, self._shard = tuple(names), shard
-        self._texts = texts(fmt, names)
+        # Whole numbers are texts in a file of plain text, to have no point.
+        whole = (NUMBER, STATUS) if fmt in formats.PLAIN else ()
+        self._texts = tuple(name for name in (*whole, MESSAGE, SHARD, CHECKSUM) if name in names)
         self.sink = sinks.open_sink(target, names, provenance=provenance, texts=self._texts)
 
     def write(self, rows: Sequence[PointRow]) -> None:

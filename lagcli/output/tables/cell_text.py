@@ -1,8 +1,5 @@
-"""What the writers of tables share: cells as text, files of whole blocks, and buffers of rows.
-
-Doubles have the fewest digits that read back to the same double. Words, such as kinds and names, are few and come again
-and again. The only file that imports orjson.
-"""
+"""What the writers of tables share: cells as text, files of whole blocks, and buffers of rows; the only file that
+imports orjson. Doubles have the fewest digits that read back to the same double; words are few and come again."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -1,8 +1,7 @@
 """Tables as CSV: a header and one line per row, UTF-8, "\\n" everywhere, doubles that read back exactly; TSV has tabs.
 
-What other programs write is read too: with any line ends, a mark at the beginning, blank lines at the end. A file that
-is plain (numbers alone, as many in every row, no quotes) is read at once; any other cell by cell, which tells what is
-wrong and where.
+What other programs write is read too. A file that is plain (numbers alone, as many in every row, no quotes) is read at
+once; any other cell by cell, which tells what is wrong and where.
 """
 
 from __future__ import annotations

@@ -1,7 +1,5 @@
-"""Tables as JSON: ``{"columns": [...], "rows": [[...]]}``, one row a line, doubles that read back exactly.
-
-Behind the rows ``"provenance"``, where it is known.
-"""
+"""Tables as JSON: ``{"columns": [...], "rows": [[...]], "provenance": {...}}``, one row a line, doubles that read back
+exactly; the last entry only where it is known."""
 
 from __future__ import annotations
 
