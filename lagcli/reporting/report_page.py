@@ -144,9 +144,8 @@ def made(contents: ReportContents, maker: str | None = None) -> bytes:
 
 def browser() -> str | None:
     """The browser that prints, if one is installed."""
-    on_path = (shutil.which(name) for name in BROWSERS)
-    elsewhere = (path for path in map(os.path.expandvars, LOCATIONS) if os.path.isfile(path))
-    return next(filter(None, on_path), None) or next(elsewhere, None)
+    elsewhere = filter(os.path.isfile, map(os.path.expandvars, LOCATIONS))
+    return next(filter(None, map(shutil.which, BROWSERS)), None) or next(elsewhere, None)
 
 
 def latex() -> str | None:
@@ -301,9 +300,8 @@ def _letter(found: re.Match[str]) -> str:
         return html.escape(letter)
     if letter in ".:-+@!()":
         is_first = at == 0 or (letter in ".)" and text[:at].isdigit() and text[at + 1 : at + 2] in ("", " "))
-        is_link = letter in ":@." and text[max(0, at - 5) : at].lower().endswith(
-            ("http", "https", "www", "ftp")
-        )
+        before = text[max(0, at - 5) : at].lower()
+        is_link = letter in ":." and before.endswith(("http", "https", "www", "ftp"))
         return f"\\{letter}" if is_first or is_link or letter == "@" else letter
     return f"\\{letter}"
 

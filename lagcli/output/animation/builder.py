@@ -109,8 +109,6 @@ def unseen(model: nouns.Model, shown: set[str]) -> Iterator[str]:
 
 def _radii(masses: Floats, rods: list[Link], hard: Floats, size: float) -> Floats:
     """Radii (N,): as the cube root of the mass, within bounds; of hard spheres their own."""
-    if not len(masses):
-        return np.zeros(0)
     largest = LARGEST * size * min(1.0, (FEW / len(masses)) ** 0.5)
     lengths = [link.length for link in rods if link.length > 0]
     if lengths:
