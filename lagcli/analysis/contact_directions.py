@@ -1,10 +1,9 @@
 """Directions of virtual displacements beside closed contacts, and an allowed displacement with them (D.8).
 
 Displacements that equality rows allow are dq = Z u over dt = 0, with columns of Z orthonormal in the metric. Closed
-contacts leave the cone G Z u >= 0 of them. It is the sum of its lineality space, G Z u = 0, the `free` directions, and
-of rays that open contacts and close none, the `one-sided` ones; a displacement against such a ray is `blocked`, and so
-is one across contacts that close as soon as others open, on either side. Contacts whose gradients are orthogonal in the
-metric make cones of their own, and the whole is their sum.
+contacts leave the cone G Z u >= 0 of them: the sum of `free` directions, G Z u = 0, and of rays that open contacts and
+close none, the `one-sided` ones. `blocked` is a displacement against such a ray, or across contacts that close as soon
+as others open. Contacts whose gradients are orthogonal in the metric make cones of their own.
 
 Over dt the conditions are G dq + g_t dt >= 0, and B dq + b dt = 0.
 """

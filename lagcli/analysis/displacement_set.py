@@ -1,9 +1,8 @@
 """Allowed and virtual displacements at an instant (D.6, D.8, D.9), and their dependent and independent components (D.16
 to D.21).
 
-All components are numbered, x_n with n = 3(k - 1) + j for the axis j of particle k, and generalized coordinates after
-them. As many as the rank are dependent, chosen by pivots so that the rows are solved for them best; the others are
-independent, and
+Components are numbered, x_n with n = 3(k - 1) + j for the axis j of particle k, and generalized coordinates after them.
+As many as the rank are dependent, those that the rows are solved for best; the others are independent, and
 
     dx_dependent = T dx_independent + tau dt
 

@@ -1,9 +1,7 @@
 """Rows and their ranks -> the count of degrees of freedom, with names (3N - s; n - s with generalized coordinates).
 
-s is the codimension of the surface of the holonomic rows (`codimension`): their rank where they are independent or
-redundant, what second derivatives prove where the rank is below it (three collinear particles with all their
-distances), and what it is nearby where the start is a special configuration; or it is undecided. Differential rows
-that can be integrated add to it.
+s is the codimension of the surface of the holonomic rows (`codimension`), or that nearby where the start is a special
+configuration; differential rows that can be integrated add to it.
 """
 
 from __future__ import annotations
@@ -46,10 +44,9 @@ class DofCount:
 
     particles N, coordinates n (3N for Cartesian particles only), holonomic s, nonholonomic m, redundant r:
     configuration_dof = n - s, velocity_dof = n - s - m. `redundant_rows` names rows that follow from rows before
-    them; where the rank of rows is below their codimension s may exceed their number, none of them is named, and
-    redundant counts what is left of rows - s - m, if anything. `start_rank` is the rank of all rows at the start
-    itself; `rows` the number of holonomic and rigid rows, `rank` theirs at generic points of their surface;
-    `contacts` the number of one-sided constraints, which are not counted.
+    them, but none whose rank is below their codimension. `start_rank` is the rank of all rows at the start itself;
+    `rows` the number of holonomic and rigid rows, `rank` theirs at generic points of their surface; `contacts` the
+    number of one-sided constraints, which are not counted.
     """
 
     particles: int

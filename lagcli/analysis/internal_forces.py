@@ -1,8 +1,7 @@
 """Forces between particles: F_ij = -F_ji along r_i - r_j, or not.
 
-Springs made infinitely stiff become constraints, and a network of them a rigid body. The forces that then hold it
-together do no virtual work because they are central; where internal forces are not, the rigid limit does not apply.
-A law is looked at in the state asked for and in others around it, with all particles free to stand anywhere.
+Forces that hold a rigid body together, the limit of stiff springs, do no virtual work because they are central. A law
+is looked at in the state asked for and in others around it, with all particles free to stand anywhere.
 """
 
 from __future__ import annotations

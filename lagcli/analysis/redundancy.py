@@ -1,12 +1,10 @@
 """The independent rows that a run is stepped with, and the multipliers that are unique.
 
 Where the rank of the rows is the codimension of the constraint surface, motion and R are unique whichever independent
-rows are taken, and the multipliers of all rows are split by a rule (`compiled.selection`). Where it is below, no finite
-multipliers give the true motion, and there is no run.
+rows are taken. Where it is below, no finite multipliers give the true motion, and there is no run.
 
-lambda_i is unique if and only if no null vector of B^T has a weight on row i (D.13-D.22: B^T lambda is given, and a
-null vector makes no force). That is asked at generic points: a weight may vanish at the start, and rows may be
-dependent there alone.
+lambda_i is unique if and only if no null vector of B^T has a weight on row i (D.13-D.22): asked at generic points, as a
+weight may vanish at the start, and rows may be dependent there alone.
 """
 
 from __future__ import annotations

@@ -1,9 +1,5 @@
-"""Decompositions of dense matrices, the only ones of the program: least squares, orthonormal bases, singular values.
-
-Entries are known to rounding here, and what is smaller is zero. Rows at a state are known to fewer digits: what they
-span and what follows from what is for `rank` to say. And directions that belong to no model: the same in every run, and
-on every machine.
-"""
+"""Decompositions of dense matrices that are known to rounding, the only ones of the program; rows at a state, known to
+fewer digits, are for `rank`. And directions that belong to no model, the same in every run and on every machine."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """The dependences among constraint rows: an independent set, and for each other row the rows it follows from.
 
-A row and the independent rows it is a combination of are a dependency: leave out any one of them and the rest are
-independent. Dependencies are null vectors of B^T, each with as few rows as can be, so that they can be reported by
-name. Dense rows are chosen by Gram-Schmidt (twice, for rounding).
+Such a row with those it follows from is a dependency, a null vector of B^T with as few rows as can be: leave out any
+one of them and the rest are independent. Dense rows are chosen by Gram-Schmidt (twice, for rounding).
 """
 
 from __future__ import annotations
@@ -95,8 +94,8 @@ def dependence(rows: MetricRows, count: int, holonomic: int = 0) -> Dependence:
 
 
 def _exchanged(found: Dependence, holonomic: int) -> Dependence:
-    """The dependence on rows of many of which the others are combinations with small weights: pivots tell that rows are
-    independent, and not how far. A row of more weight than `better` changes places with the one that depends on it."""
+    """The dependence with small weights: pivots tell that many rows are independent, and not how far. A row of more
+    weight than `better` changes places with the one that depends on it."""
     vectors = {row: dict(of) for row, of in zip(found.rest, found.weights, strict=True)}
     waiting = list(found.rest)
     while waiting:
@@ -135,11 +134,8 @@ def elsewhere(selection: Selection, rows: MetricRows, holonomic: int) -> Selecti
 
 
 def rebased(selection: Selection, independent: tuple[int, ...]) -> Selection | None:
-    """A selection that keeps other rows: dependencies that share rows are one set, whichever of its rows are
-    independent.
-
-    None where the independent rows of such a set are more or fewer than before, for then one of the two is no choice.
-    """
+    """A selection that keeps other rows: dependencies that share rows are one set. None where the independent rows of
+    such a set are more or fewer than before, for then one of the two is no choice."""
     dependencies: list[tuple[int, ...]] = [
         dependency for dependency in selection.dependencies if len(dependency) == 1
     ]
@@ -194,7 +190,7 @@ def _near_weights(
     rows: MetricRows, independent: Sequence[int], rest: Sequence[int]
 ) -> dict[int, Mapping[int, float]]:
     """The weights of those rows in `rest` that depend on a few independent ones near them, which share coordinates
-    with them, or with rows that do. Others of many rows are found with the factors of all of them."""
+    with them, or with rows that do."""
     entries = LocalRows(rows.unit)
     by_row: list[dict[int, float]] = [{} for _ in range(rows.count)]
     there = np.flatnonzero(entries.values)
@@ -265,10 +261,7 @@ def _combinations(rows: MetricRows, independent: list[int], rest: list[int]) -> 
 
 
 def redundant(rows: MetricRows) -> npt.NDArray[np.bool_]:
-    """The rows that depend on rows before them in their order.
-
-    Of more rows than are looked at densely none is named.
-    """
+    """The rows that depend on rows before them; of more rows than are looked at densely none is named."""
     flags = np.zeros(rows.count, dtype=bool)
     if rows.are_independent or rows.is_large or (count := rank.estimate(rows).low) == rows.count:
         return flags
@@ -284,10 +277,10 @@ def redundant(rows: MetricRows) -> npt.NDArray[np.bool_]:
 def farthest(
     rows: Floats, count: int, first: Sequence[int] = (), nearly: float = 1.0, least: float = 0.0
 ) -> list[int]:
-    """Numbers of `count` independent rows, those in `first`, which are independent, before all, in order of choice.
+    """Numbers of `count` independent rows in order of choice, those in `first`, which are independent, before all.
 
     Each next one is the first that is `nearly` as far from those before it as the farthest: which of several alike is
-    taken must not depend on rounding, as it does with the pivots of LAPACK. It ends where all are nearer than `least`.
+    taken must not depend on rounding. It ends where all are nearer than `least`.
     """
     independent = list(first)
     basis = decompositions.orthonormal(rows[independent].T)[0]

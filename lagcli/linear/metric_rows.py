@@ -1,7 +1,6 @@
-"""The constraint rows at one configuration: their size, their independence, and steps along them.
+"""The constraint rows B (C, n) at one configuration: their size, their independence, and steps along them.
 
-B (C, n) stays sparse: what is asked of independent rows is answered with the sparse factors of their Gram
-matrix, and only rows that may be dependent are looked at densely.
+Independent rows answer by the sparse factors of their Gram matrix; only rows that may be dependent are made dense.
 """
 
 from __future__ import annotations
@@ -96,9 +95,8 @@ class LocalRows:
         return np.asarray(np.bincount(self.column, terms, minlength=int(self.B.shape[1])), dtype=float)
 
     def blocks(self) -> list[tuple[Indices, Floats]]:
-        """The rows that have coordinates in common, directly or by rows between them: those of each block in their
-        order, and their entries, dense over the coordinates that they touch. A row that has its coordinates for itself
-        is left out, one that vanishes is a block."""
+        """The rows that have coordinates in common, directly or by rows between them, and their entries, dense over the
+        coordinates that they touch. A row with coordinates of its own is left out, one that vanishes is a block."""
         there = np.flatnonzero(self.values)
         row, column, values = self.row[there], self.column[there], self.values[there]
         pattern = ca.Sparsity.triplet(*self.B.shape, row.tolist(), column.tolist())
@@ -311,8 +309,8 @@ class MetricRows:
         return -self._metric.unwhitened(rows.combined(weights))
 
     def whole_correction(self, residual: Floats, least: float = 0.0) -> Floats:
-        """The step of `correction` with the weakest rows too, however near to dependent ones they are; where they are
-        nearer than `least` they count as dependent."""
+        """The step of `correction` with the weakest rows too, as long as they are not nearer than `least` to dependent
+        ones."""
         sizes, in_metric = self._length_factors
         step = np.linalg.lstsq(self.dense, residual / sizes / in_metric, rcond=least)[0]
         return -self._metric.unwhitened(np.asarray(step, dtype=float))

@@ -133,11 +133,8 @@ def pseudo_inverse(rows: Floats) -> Floats:
 
 
 def estimate(rows: MetricRows) -> Rank:
-    """Rank of C rows. It does not depend on the metric, so that the clearer of two metrics decides.
-
-    The mass metric serves rows over lengths and angles; extreme ratios of masses blur it, and not the plain one. Where
-    doubles show fewer independent rows than there are, more digits decide, if they are to be had.
-    """
+    """Rank of C rows, by the clearer of two metrics: extreme ratios of masses blur the mass metric, and not the plain
+    one. Where doubles show fewer independent rows than there are, more digits decide, if they are to be had."""
     found = _rank(rows)
     if found.low == rows.count:
         return found

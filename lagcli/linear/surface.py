@@ -1,9 +1,7 @@
 """The one road onto a surface f = 0: `nearby` by Newton's steps, `descend` from far off, `walk` along it.
 
-Equations are given as a function from a point to what they are there, linearized: how far off the surface is, and the
-shortest step to where the linear equations vanish. A point is an array of floats, or of numbers with many digits
-(`Decimal`, `Fraction`), for which the equations bring the precision of their arithmetic. `nearby_all` takes many points
-of few coordinates at once.
+Equations are a function from a point to what they are there, linearized. A point is an array of floats, or of numbers
+with many digits (`Decimal`, `Fraction`); `nearby_all` takes many points of few coordinates at once.
 """
 
 from __future__ import annotations
@@ -185,10 +183,10 @@ class InDigits:
 @frozen
 class NewtonEnd:
     """The end of Newton's steps: the nearest point, its distance from the surface, and the largest part by which a
-    further step would move an unknown: no more than the last step did.
+    further step would move an unknown.
 
     is_met: the steps ended on the surface, and squared the distance. creeps: they came near and did not square it, as
-    where the surface is singular: rows are dependent on it and independent beside it.
+    where rows are dependent on the surface and independent beside it.
     """
 
     x: Point
@@ -206,8 +204,7 @@ def approach(
 ) -> NewtonEnd | None:
     """The point nearest to a surface that Newton's steps from x come to; None where the equations have no value at x.
 
-    They go on down to rounding, where they may rise again; far off too, where it takes some to come near, but not where
-    may_rise is False.
+    They go on down to rounding, and may rise far off, but not where may_rise is False.
     """
     here = at(x)
     if here is None:
@@ -266,8 +263,8 @@ def nearby_all(at: Values, points: Floats, size: float) -> tuple[Floats, Floats]
 def descend(at: Callable[[Floats], D | None], x: Floats, to_the_end: bool = False) -> tuple[Floats, D | None]:
     """A point of the surface from far, or else one where the sum of squares is locally least, and the equations there.
 
-    Gauss-Newton steps, damped as by Levenberg and Marquardt where they do not lead down. A search gives up where steps
-    are small; to_the_end: it goes on, and what is given is its last point.
+    Gauss-Newton steps, damped as by Levenberg and Marquardt where they do not lead down. to_the_end: small steps do not
+    end it, and what is given is its last point.
     """
     damping, passed = 0.0, math.inf
     here = at(x)
@@ -303,11 +300,10 @@ def nearest(
     q0: Point,
     steps: int = PARAMETERS.nearest_steps,
 ) -> Point:
-    """The point of a surface nearest to q0, from a point q of it.
+    """The point of a surface nearest to q0, from a point q of it, as long as that comes nearer.
 
     toward: from a point of the surface to the one where Gauss and Newton place the nearest, on the condition
-    q - q0 = -M^-1 B^T mu at the point itself, or None; length: of a step. Where this does not contract, the point with
-    the smaller distance is kept.
+    q - q0 = -M^-1 B^T mu at the point itself, or None; length: of a step.
     """
     size = float(np.abs(q0).max(initial=0.0)) or 1.0
     for _ in range(steps):

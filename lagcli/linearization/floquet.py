@@ -1,10 +1,7 @@
 """The period of a motion, and the multipliers of deviations over it (Floquet).
 
-Two instants are the same where velocities and all entries of the linear equations are: positions may have moved on, as
-an angle does that has turned once.
-
-Deviations are carried along by the equations of motion and their exact derivatives, integrated together; the rows
-hold them at the start and, as the equations keep the rows, ever after.
+Two instants are the same where velocities and all entries of the linear equations are: an angle may have turned once.
+Deviations are carried along by the equations of motion and their exact derivatives, integrated together.
 """
 
 from __future__ import annotations

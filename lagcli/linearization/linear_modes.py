@@ -118,8 +118,7 @@ def modes(
     is_minimum: bool | None = None,
 ) -> Modes:
     """The modes about a motion whose linear equations do not depend on t; wanted: how many of a large model;
-    is_minimum: whether the potential has a strict minimum there by all derivatives that count, not by those of the
-    linear equations alone, which are zero, or rounding, where curvatures vanish; None where that is not known.
+    is_minimum: whether the potential has a strict minimum there by all derivatives that count, None where not known.
 
     Raises `diagnostics.ModelError`, `lowest.NotFoundError`.
     """

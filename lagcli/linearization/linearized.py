@@ -198,10 +198,8 @@ class LinearizedFunctions:
         return RowValues(values, terms, scales, self.system.contacts.count - len(self.closed))
 
     def stiffness_terms(self, here: Reference, linear: Linear) -> Floats:
-        """The sizes of the terms of the entries of K (n, n), with multipliers as large as all forces could make them.
-
-        A multiplier that is rounding is so beside these, and so is the stiffness that it makes.
-        """
+        """The sizes of the terms of the entries of K (n, n), with multipliers as large as all forces could make them:
+        one that is rounding is so beside these."""
         m, s = linear.matrices, self.system.holonomic_count
         rows = ca.vertcat(m.B[:s, :], m.A, m.B[s : s + len(self.closed), :])
         lengths = LocalRows(ca.mtimes(rows, ca.diag(ca.DM(1 / linear.inertia)))).divisors
@@ -231,10 +229,8 @@ class LinearizedFunctions:
         return SizedFunction("rows_and_sizes", inputs, [values, sizes, scales])
 
     def keeps_energy(self, here: Reference) -> bool:
-        """True if the forces have a potential as they are written, and no force, position or row knows the time.
-
-        What is zero as a function is so at points around that lie in no order.
-        """
+        """True if the forces have a potential as they are written, and no force, position or row knows the time: what
+        is zero as a function is so at points around."""
         random = np.random.default_rng(3)
         size = float(np.abs(here.q).max(initial=0.0)) or 1.0
         for _ in range(POINTS):

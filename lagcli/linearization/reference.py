@@ -41,11 +41,8 @@ def is_at_rest(q: Floats, v: Floats, duration: float) -> bool:
 
 
 def is_balanced(linear: Linear, part: float = doubles.ZERO, least: float = 0.0) -> bool:
-    """True if the forces of a reference, which are finite, balance each other.
-
-    Forces over the roots of their masses are compared: newtons and newton metres, and those of light and heavy
-    particles, then have one unit. least: an acceleration in this unit that is none.
-    """
+    """True if the forces of a reference, which are finite, balance each other; over the roots of their masses all have
+    one unit. least: an acceleration in it that is none."""
     with np.errstate(all="ignore"):  # what is no number is none of balance
         load, left = (np.linalg.norm(each / linear.inertia) for each in (linear.load, linear.residual))
     return bool(left <= part * load + least < math.inf)
@@ -112,12 +109,8 @@ def moved(here: Reference, s: float) -> Reference:
 
 
 def on_rows(rows: RowValues) -> bool:
-    """True if a state satisfies the rows and is on the allowed side of contacts that are none: one that closes ends the
-    motion.
-
-    Where the terms of a row are rounding, they do not tell how large the row is: beside them stands what the whole
-    configuration, or all speeds, could make of it.
-    """
+    """True if a state satisfies the rows and is on the allowed side of contacts that are none, but for rounding of
+    their terms and of what the whole configuration, or all speeds, could make of them."""
     least = doubles.ZERO * rows.terms + doubles.VALUE * rows.scales
     off = np.abs(rows.values)
     one_sided = off.size - rows.one_sided
@@ -126,11 +119,10 @@ def on_rows(rows: RowValues) -> bool:
 
 
 def is_same(one: Linear, other: Linear, duration: float) -> bool:
-    """True if two linear equations, which are finite, differ by rounding.
+    """True if two linear equations, which are finite, differ by rounding of the largest in each row.
 
-    Entries are compared with the largest in their row, in units in which M and the rows have the size 1 and the others
-    are powers of a frequency. Where a row is all rounding, the largest of the matrix tells its size, or else the
-    frequency of one turn in the time of the run.
+    M and the rows have the size 1, and the others are powers of a frequency. Where a row is all rounding, the largest
+    of the matrix tells its size, or else the frequency of one turn in the time of the run.
     """
     for (entries, row, order), (others, _, _) in zip(one.in_units(one), other.in_units(one), strict=True):
         if entries.shape != others.shape:  # a leaf has lost its gradient

@@ -4,9 +4,8 @@ With Z a basis of ker B, dq = Z x, and N one of ker A Z:  x' = N w - G x,  G = (
 K dq) = 0 along N. Z is orthonormal in the metric of M, and N in the plain one, so that N^T Z^T M Z N = 1.
 
 Where energy is kept and nothing turns, w^2 are eigenvalues of a symmetric matrix; where a gyroscopic term is added to
-a minimum, i w are those of a skew one. Both are imaginary whatever rounding does. Else the eigenvalues are those of
-the state matrix, less its zeros; a real part that rounding may have made is taken as none. Zeros are taken out by rank:
-chains at zero blur an eigenvalue to the square root of rounding, the ranks that they are made of stay clear.
+a minimum, i w are those of a skew one. Else the eigenvalues are those of the state matrix; a real part that rounding
+may have made is taken as none. Zeros are taken out by rank: chains at zero blur them to the root of rounding.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """A model -> the classification of its differential rows: alone (D.3), and together with all rows they meet.
 
-Hidden holonomic conditions: a combination of rows that says g(q, t) dt = 0 demands g = 0, and does not forbid it. A
-system is classified again with the conditions that its rows were found to demand, until nothing new comes: their own
-differentials are rows too. Only a g that vanishes nowhere, or only at single times, is a contradiction.
+A combination of rows that says g(q, t) dt = 0 demands the hidden condition g = 0: a system is classified again with the
+conditions that its rows demand, until nothing new comes. Only a g that vanishes nowhere, or only at single times, is a
+contradiction.
 """
 
 from __future__ import annotations
@@ -151,10 +151,7 @@ def quoted(names: Sequence[str]) -> str:
 
 def search(built: System, numeric: NumericSystem, limit: float) -> KnownIntegrals:
     """The first integrals of the differential rows as far as they are found in `limit` seconds. Where numbers show that
-    there are none, no algebra is asked.
-
-    A search looks at the rows, at the consistent state nearest to the start, and at the duration of the run, and at
-    nothing else: other masses and forces that rows do not hold ask for no other search.
+    there are none, no algebra is asked; other masses and forces that rows do not hold ask for no other search.
     """
     try:
         with progress.phase("looking for a consistent start"):

@@ -1,8 +1,5 @@
-"""The start of a group of rows to 50 digits, from the text of the file: it is decimals and expressions.
-
-A start that was moved onto its holonomic rows, or that lies on them to the digits it was written with, is the point of
-them nearest to what is written, found to 50 digits too.
-"""
+"""The start of a group of rows to 50 digits, from the decimals and expressions of the file; where it was moved onto its
+holonomic rows, or lies on them to the digits it was written with, the point of them nearest to what is written."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
 """The findings of exact algebra in general position, compared with the motions from the start.
 
-Algebra judges all sheets of the holonomic rows, all sides of kinks and all points at once; what it found not to
-vanish may vanish where the start lies. Where nothing that it divided by vanishes at the start its ranks are those
-there. Else algebra says which of these places the motions from the start keep to, and judges the rows on them. Numbers
-that follow motions decide nothing of it: a flow may multiply rounding by hundreds of digits.
+What algebra found not to vanish may vanish where the start lies, on its sheet of the holonomic rows and its side of
+kinks. Where nothing that it divided by does so its ranks are those there; else algebra says which of these places the
+motions from the start keep to, and judges the rows on them. Numbers that follow motions decide nothing of it.
 """
 
 from __future__ import annotations
@@ -97,8 +96,8 @@ class Locality:
         return there
 
     def _is_demanded(self, block: PfaffianBlock, flagged: joint.Flagged) -> bool:
-        """True if motions from the start meet the conditions of a flag: rows demand the same ones of those that stay
-        where something that algebra divided by vanishes, and of those that do not, or it is these that vanish there."""
+        """True if motions from the start meet the conditions of a flag: rows demand the same ones where something that
+        algebra divided by vanishes, or it is these that vanish there."""
         conditions = [one.factors for one in flagged.flag.conditions]
         demanded = [self.start.own_factor(factors) for factors in conditions]
         places: dict[frozenset[Expression], joint.Flagged] = {frozenset(): flagged}

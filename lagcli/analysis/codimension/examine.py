@@ -1,7 +1,5 @@
-"""Rows at a consistent state -> the codimension of the surface they cut out, and how far their rank proves it.
-
-And the refusals of rows that no run can be stepped with, with advice: only what is true of these rows.
-"""
+"""Rows at a consistent state -> the codimension of the surface they cut out, as far as it is proved; and the refusals
+of rows that no run can be stepped with, with advice."""
 
 from __future__ import annotations
 
@@ -43,10 +41,10 @@ SEED = 20061
 class Codimension:
     """The rank of the holonomic rows at a state, and the codimension of their surface around it, None if unproved.
 
-    kind, the last of these where several sets of rows are of several kinds: `independent` rows; `redundant` ones,
-    of which the rank is the codimension; `singular`: the rank is lower at the state than on the surface nearby,
-    which has that codimension; `deficient`: the rank is below the codimension on the surface around the state, and
-    the multiplier rule fails; `undecided`, with the `reason`.
+    kind, the last of these where sets of rows are of several kinds: `independent` and `redundant` rows, of which the
+    rank is the codimension; `singular`: the rank is lower at the state than on the surface nearby, which has that
+    codimension; `deficient`: it is below the codimension on the surface around the state, and the multiplier rule
+    fails; `undecided`, with the `reason`.
     rows: those of the sets of this kind that depend on one another. coordinates: those of all rows around them.
     follow: rows proved to follow from the others. notes: sentences on sets whose rank is below their codimension.
     """
@@ -155,8 +153,7 @@ def _followed(
 ) -> tuple[Rows, list[Rows]]:
     """Rows that follow from the independent ones of their group alone, and the groups of which that is not shown.
 
-    Several groups are looked at together: a model of many twin rods is one of many groups. Of a lot that does not
-    follow as a whole the halves are looked at.
+    Groups are looked at together in lots, and of a lot that does not follow as a whole the halves.
     """
     follow: Rows = []
     failing: list[Rows] = []

@@ -1,11 +1,8 @@
 """Tell if equations of which some follow from the others at a point do so at finite distances around.
 
 F = 0 are E equations in N unknowns, of rank r at z0. With A (r, E) of that rank on the range of dF, A F = 0 cuts
-out a manifold of dimension N - r through z0, and F = 0 lies in it. Random points of the manifold are sought, some
-way off: if all of F vanishes there but for rounding, F = 0 is the manifold.
-
-And the codimensions that are proved so at points nearby: at a singular point, as where a linkage lies flat, the rank of
-B is lower than on the surface around it.
+out a manifold of dimension N - r through z0, and F = 0 lies in it: if all of F vanishes at random points of it some way
+off, F = 0 is the manifold. And the codimensions that are proved so at points nearby, around a singular one.
 """
 
 from __future__ import annotations
@@ -26,10 +23,8 @@ from lagcli.start import initial, precise_rows, projection
 
 
 class ManifoldParameters:
-    """Walks over a manifold; lengths are in units of the scaled coordinates, values of scaled equations.
-
-    The tests are of `tests/unit/test_analysis_thresholds.py` and `tests/unit/test_numbers_of_codimension.py`.
-    """
+    """Walks over a manifold, in units of the scaled coordinates. The tests are of
+    `tests/unit/test_analysis_thresholds.py` and `tests/unit/test_numbers_of_codimension.py`."""
 
     __slots__ = ()
 
@@ -139,10 +134,8 @@ def along(equations: Equations, z: Floats, t: float, count: int) -> Manifold | N
 
 
 def satisfies_all(found: Manifold, z: Floats, t: float, times: Sequence[float]) -> bool:
-    """True if all equations vanish on the manifold around a point of it, and at other times.
-
-    Where a step cannot be made, or rounding is too large to see it, that is not shown.
-    """
+    """True if all equations vanish on the manifold around a point of it, and at other times, as far as steps lead and
+    rounding lets it be seen."""
     random = np.random.default_rng(SEED)
     off = float(np.abs(found.look(z, t).F).max(initial=0.0))
     if found.fails_far(z, t, random.standard_normal(z.size)):
@@ -159,12 +152,8 @@ def satisfies_all(found: Manifold, z: Floats, t: float, times: Sequence[float]) 
 
 
 def is_regular(part: ScaledPart, count: int, times: Sequence[float], independent: Sequence[int] = ()) -> bool:
-    """True if rows of this rank at their begin cut out a surface of that codimension, and do so at other times. Of a
-    large part as many `independent` ones are given.
-
-    Then some of them cut it out and the others vanish on it, and the multiplier rule (D.13-D.22) holds: there are
-    multipliers for the force that the surface needs, though not single ones.
-    """
+    """True if rows of this rank at their begin cut out a surface of that codimension, and do so at other times: then
+    the multiplier rule (D.13-D.22) holds. Of a large part as many `independent` rows are given."""
     t = part.state.t
     if not part.coordinates:  # 0 = 0, the empty component of a vector equation
         return all(not part.at(part.begin, time)[0].any() for time in (t, *times))
@@ -191,9 +180,8 @@ class _SlowConvergence(Exception):
 
 
 def codimensions(part: ScaledPart, times: Sequence[float]) -> set[int | None]:
-    """The codimensions at points of the surface that random steps reach from the begin; None where one is not
-    proved, as where several branches meet of which one is not regular anywhere, or where most steps come nowhere.
-    Where time enters they are at later times: the start may be special for its time too."""
+    """The codimensions at points of the surface that random steps reach from the begin, at later times where time
+    enters; None where one is not proved, as where a branch is not regular, or where most steps come nowhere."""
     found: set[int | None] = set()
     failed = 0
     random = np.random.default_rng(BRANCH_SEED)

@@ -1,7 +1,7 @@
 """A part of f = 0, some rows over the coordinates they hold, in coordinates and rows of size one.
 
-Whether a matrix is definite does not depend on units, but how clearly numbers show it does. A coordinate is
-measured in the part of its range over which directions of rows change, a row by the length of its gradient.
+A coordinate is measured in the part of its range over which directions of rows change, a row by the length of its
+gradient: how clearly numbers show what is definite depends on units.
 """
 
 from __future__ import annotations

@@ -30,10 +30,8 @@ Floats = npt.NDArray[np.float64]
 
 
 class SecondOrderParameters:
-    """The proof by second derivatives, in scaled coordinates, and the search for a positive definite combination.
-
-    The tests are of `tests/unit/test_analysis_thresholds.py` and `tests/unit/test_numbers_of_codimension.py`.
-    """
+    """The search for a positive definite combination. The tests are of
+    `tests/unit/test_numbers_of_codimension.py`."""
 
     __slots__ = ()
 

@@ -1,13 +1,11 @@
 """Paths that satisfy all rows, A dz = 0, integrated for many controls at once.
 
-A path is a chain of segments, and each segment has a constant control u (m,) over s from 0 to 1:
-dz/ds = X(z) u with the columns of X (k + 1, m) in the kernel of A. The scheme is the one of the integrator
-(DOP853, order 8) at fixed steps; what a path ends at is known from two step lengths.
+A path is a chain of segments, each with a constant control u (m,) over s from 0 to 1: dz/ds = X(z) u with the columns
+of X (k + 1, m) in the kernel of A, by the scheme of the integrator (DOP853) at fixed steps of two lengths.
 
 The directions that paths through a point can reach are the tangent space of its orbit. Fields carried to the point by
-flows span it (H. J. Sussmann, Trans. AMS 180 (1973) 171): for random paths w the vectors d/de w^-1(w(z) + e X). What it
-lacks are the integrable combinations of the rows (D.3), so that a row that vanishes on it is kept by first integrals
-and has no witness.
+flows span it (H. J. Sussmann, Trans. AMS 180 (1973) 171): for random paths w the vectors d/de w^-1(w(z) + e X). A row
+that vanishes on it is kept by first integrals (D.3), and has no witness.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The part of a system near one row: the coordinates that may move, the rest fixed where they start.
 
-A path of the part is a path of the whole. Points are z = (q of the part, t) in units of their own, and the
-rows the forms A dz = B dq + b dt (D.6) that touch the part; those that touch fixed coordinates only hold by themselves.
+A path of the part is a path of the whole. Points are z = (q of the part, t) in units of their own, and the rows the
+forms A dz = B dq + b dt (D.6) that touch the part.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """Random values of brackets at one point, in many digits where the rows are few enough, else in doubles; the growth of
 the distribution by them, and the derived flag that follows.
 
-Random brackets of a shape span what all brackets of that shape span. Growth vector: dim D plus the ranks of brackets
-of 2, 3, ... fields. Derived flag: brackets of all that is there. In many digits the point of the surface is met to as
-many (D.3).
+Growth vector: dim D plus the ranks of brackets of 2, 3, ... fields. Derived flag: brackets of all that is there (D.3).
+In many digits the point of the surface is met to as many.
 """
 
 from __future__ import annotations

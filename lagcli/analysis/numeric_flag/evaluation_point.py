@@ -1,7 +1,4 @@
-"""The rows of a block at one point: their size, their ranks, which are independent, and the brackets of two fields.
-
-Where these brackets, in doubles, are certainly as many as there are rows, no longer ones are to be looked for.
-"""
+"""The rows of a block at one point: their size, their ranks, which are independent, and the brackets of two fields."""
 
 from __future__ import annotations
 
@@ -56,9 +53,8 @@ class EvaluationPoint:
             self.rows = MetricRows(self.A, Metric.unit(block.size), self.rank)
 
     def rank(self, rows: MetricRows, numbers: Sequence[int]) -> int | None:
-        """The rank of rows with these numbers, None where it is not known better, for those that the usual limits leave
-        open: they are for points that may lie on a surface that is singular. Beside it rows are known to rounding, and
-        what is a hundred times as large counts."""
+        """The rank of rows with these numbers where the usual limits, of points that may lie on a singular surface,
+        leave it open; None where it is not known better. Rows that are known to rounding count from a hundred of it."""
         holonomic = [k for k, i in enumerate(numbers) if i < len(self.block.holonomic)]
         if len(holonomic) == rows.count or not rows.take(holonomic).are_independent:
             return None

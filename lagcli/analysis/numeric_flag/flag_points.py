@@ -1,12 +1,9 @@
 """The points that the flag of a block is looked for at: the start, and others that motions from it reach.
 
-What holds at a generic point of the orbit holds at nearly all of it; a start is often special.
-
-What the rows say of a start is what they say along the motions from it. These stay on one sheet of the holonomic
-rows, and on a point that the rows keep to (y = 0 under d(y) = y d(x)). By the theorem of Nagano and Sussmann such an
-orbit is a manifold, whose tangent space is spanned by the brackets of all orders; at nearly all of its points those
-of the order at which they stop to be new suffice. So points of it are met by going along the rows, and by nothing
-else: a step off them and back to f = 0 could end on another sheet.
+What the rows say of a start is what they say along the motions from it, which stay on one sheet of the holonomic rows,
+and where the rows keep to (y = 0 under d(y) = y d(x)). By the theorem of Nagano and Sussmann such an orbit is a
+manifold, whose tangent space the brackets of all orders span, at nearly all of its points alike; a start is often
+special. Points of it are met by going along the rows: a step off them and back could end on another sheet.
 """
 
 from __future__ import annotations

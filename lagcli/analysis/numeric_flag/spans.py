@@ -1,9 +1,5 @@
-"""The span of vectors of values in many digits, of which it is known how large the terms were that made them.
-
-Every entry has a size: rounding changes it by no more than a few units in the last digit of a number so large.
-So rows of different units stand side by side, and a zero is told from a value that is merely small. And the errors of a
-search that ends without a certain answer.
-"""
+"""The span of vectors of values in many digits, of which it is known how large the terms were that made them: a zero is
+told from a value that is merely small. And the errors of a search that ends without a certain answer."""
 
 from __future__ import annotations
 
