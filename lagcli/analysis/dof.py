@@ -30,9 +30,6 @@ from lagcli.start.initial import State
 Floats = npt.NDArray[np.float64]
 Proof = Literal["symbolic", "numeric", "none"]
 
-# How often points are looked for nearer to a start that stands close to another branch of its rows, and how many
-# points between two points are looked at.
-SHORTER, LOOKS = 4, 24
 # A row whose direction turns by TURN within a rounding of the configuration's size stands at a tip of its surface.
 TURN = 0.1
 SEED = 20061
@@ -235,14 +232,15 @@ def _generic(
     from lagcli.compiled.row_block import RowBlock
 
     block = RowBlock(system, range(len(system.rows.rows)))
-    for shorter in range(SHORTER):
+    # Ever nearer to a start that stands close to another branch of its rows
+    for shorter in range(4):
         part = 0.5 ** (2 * shorter)
         found = projection.along(
             numeric, begin, holonomic_rows, part * later, step=part * projection.PARAMETERS.step
         )
         points = [np.append(one.q[block.columns], [one.t] if block.has_time else []) for one in found]
         for k, (one, other) in enumerate(itertools.pairwise(points), start=1):
-            if block.pieces.end_between(np.linspace(one, other, LOOKS), begin.p):
+            if block.pieces.end_between(np.linspace(one, other, 24), begin.p):
                 found = found[:k]
                 break
         if len(found) > 1:

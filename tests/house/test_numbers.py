@@ -37,7 +37,7 @@ LOOSE = {
     "formulations": 15,
     "input": 6,
     "linear": 1,
-    "linearization": 19,
+    "linearization": 18,
     "model": 4,
     "output": 124,
     "pfaffian": 49,

@@ -29,10 +29,6 @@ from lagcli.start import initial
 
 # Operations for the exact flag of a group before numbers are asked, and after they have shown that it does not vanish.
 PROMPT, PATIENT = 25_000, 80_000
-# More holonomic rows than these are not treated exactly.
-MOST_ROWS = 40
-# Longer expressions are not reported as points where the flag is another.
-SHORT = 60
 EXCEPTIONAL = (
     "the verdict is that for these values of the parameters: for nearly all others it would be another"
 )
@@ -121,8 +117,8 @@ class Classifier:
         return tuple(self._case.system.rows.rows[i].name for i in rows)
 
     def _block(self, group: CoupledGroup) -> PfaffianBlock | None:
-        """The group in symbols; None where a row is too large for exact algebra, or has no text."""
-        if len(group.holonomic) > MOST_ROWS:
+        """The group in symbols; None where a row is too large for exact algebra, rows are many, or one has no text."""
+        if len(group.holonomic) > 40:
             return None
         names, holonomic = self._names(group.differential), self._names(group.holonomic)
         surface = self._translation.surface(frozenset(holonomic)) if holonomic else {}
@@ -193,7 +189,7 @@ class Classifier:
             )
             unsolved = tuple(notation.written(form) for form in solved.unsolved)
         at_start = {notation.written(e): self._locality.is_at_start(e) for e in found.special}
-        special = {text: at for text, at in at_start.items() if len(text) <= SHORT}
+        special = {text: at for text, at in at_start.items() if len(text) <= 60}  # longer ones tell nothing
         remarks = [f"special where {text} = 0: there the derived flag is different" for text in special]
         if found.exceptional:
             values = " or ".join(f"{notation.written(e)} = 0" for e in found.exceptional)

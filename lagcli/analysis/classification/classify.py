@@ -32,7 +32,6 @@ from lagcli.model import model as nouns
 from lagcli.start import assembly, initial
 
 QUICK = progress.Counted(1.0)  # seconds for numbers to show that nothing is integrable
-MOST = 30  # rounds of conditions that demand others
 MOST_NAMES = 4  # more rows are counted and not named
 AGAIN = "the hidden conditions of the rows have no end that algebra sees"
 
@@ -77,7 +76,7 @@ def classified(system: System, numeric: NumericSystem, limit: float = settings.L
 def _classified(system: System, numeric: NumericSystem, limit: float) -> Classified:
     conditions: tuple[Condition, ...] = ()
     deadline = progress.after(limit)
-    for _ in range(MOST):
+    for _ in range(30):  # rounds of conditions that demand others
         conflict = None
         with progress.phase("looking for a consistent start"):
             try:

@@ -32,7 +32,6 @@ TOGETHER = 30  # rows of small groups that are looked at together
 # The proof that rows follow from others looks at all rows of the model, again and again: of more than so many it
 # takes minutes.
 MOST_DEPENDENCIES = 3000
-POINTS = 3  # points beside the start at which rows are compared
 # A fixed one: the advice must not change from run to run.
 SEED = 20061
 
@@ -284,7 +283,7 @@ def undecided_start(
     # The rows that depend on the others at points beside the surface, where most are independent.
     random = np.random.default_rng(SEED)
     follow: list[int] = rows
-    for _ in range(POINTS):
+    for _ in range(3):
         direction = random.standard_normal(state.q.size)
         there = dataclasses.replace(
             state, q=state.q + projection.PARAMETERS.offset * initial.size(state.q) * direction

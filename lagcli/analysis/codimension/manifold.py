@@ -22,20 +22,8 @@ from lagcli.linear.surface import Linearized
 from lagcli.start import initial, precise_rows, projection
 
 
-class ManifoldParameters:
-    """Walks over a manifold, in units of the scaled coordinates. The tests are of
-    `tests/unit/test_analysis_thresholds.py` and `tests/unit/test_numbers_of_codimension.py`."""
-
-    __slots__ = ()
-
-    step: float = 0.5
-    """The first try of a step. `test_a_step_over_a_manifold_is_a_half_at_first`."""
-    written: float = 100.0
-    """By which factor values may be larger than those at the begin.
-    `test_a_start_in_decimals_leaves_more_than_rounding`."""
-
-
-PARAMETERS = ManifoldParameters()
+# The first try of a step; by which factor values may be larger than those at the begin.
+STEP, WRITTEN = 0.5, 100.0
 # Of random directions: a fixed one, so that the verdict does not change.
 SEED = 20061
 
@@ -83,12 +71,12 @@ class Manifold:
         largest = float(np.abs(along).max(initial=0.0))
         if largest <= rank.PARAMETERS.large:  # nowhere to go: the manifold is a point
             return z
-        return surface.walk(lambda there: self.reached(there, t), z, PARAMETERS.step * along / largest)
+        return surface.walk(lambda there: self.reached(there, t), z, STEP * along / largest)
 
     def holds_all(self, z: Floats, t: float, off: float) -> bool:
         """True if all equations vanish at a point, but for rounding and for what they are off at the begin."""
         look = self.look(z, t)
-        most = min(doubles.VALUE + PARAMETERS.written * max(off, look.left), doubles.ZERO)
+        most = min(doubles.VALUE + WRITTEN * max(off, look.left), doubles.ZERO)
         limit = most + surface.PARAMETERS.roundings * self.rounding
         return bool(np.abs(look.F).max(initial=0.0) <= limit) and limit < rank.PARAMETERS.small
 
@@ -101,7 +89,7 @@ class Manifold:
         for size in 10.0 ** np.arange(1, 5):  # what is small over a unit is not over many
             point = z + size * along / largest
             there = self.reached(point, t)
-            if there is None or np.abs(there - point).max() > PARAMETERS.step:
+            if there is None or np.abs(there - point).max() > STEP:
                 return False  # it is curved: what Newton's method finds may be another branch
             look = self.look(there, t)
             distance = np.abs(look.F) / np.maximum(look.lengths, 1.0)

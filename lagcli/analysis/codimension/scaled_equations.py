@@ -25,17 +25,6 @@ Indices = list[int]
 IndexArray = npt.NDArray[np.intp]
 
 
-class ScalingParameters:
-    """The units of a part; the tests are of `tests/unit/test_numbers_of_codimension.py`."""
-
-    __slots__ = ()
-
-    curled: float = 1e-4
-    """The radius of curvature of rows counts as a unit of length if it is not less than this part of the extent.
-    `test_a_radius_of_curvature_is_a_unit_down_to_four_digits`."""
-
-
-PARAMETERS = ScalingParameters()
 # Of random directions: a fixed one, so that the verdict does not change.
 SEED = 20061
 
@@ -192,7 +181,7 @@ def part(system: System, numeric: NumericSystem, state: State, rows: Indices) ->
     with np.errstate(divide="ignore", invalid="ignore"):
         radii = (steep / bent)[steep > rank.PARAMETERS.small * bent]
     radius = float(np.median(radii)) if radii.size else 1.0
-    radius = radius if PARAMETERS.curled < radius < 1.0 else 1.0
+    radius = radius if surface.PARAMETERS.shortest < radius < 1.0 else 1.0
     steep, bent = steep * radius, bent * radius**2
     weight = np.where(steep > rank.PARAMETERS.small * bent, steep, bent)
     return dataclasses.replace(plain, unit=unit * radius, weight=np.where(weight > 0, weight, 1.0))

@@ -29,23 +29,9 @@ from lagcli.linear import rank, surface
 Floats = npt.NDArray[np.float64]
 
 
-class SecondOrderParameters:
-    """The search for a positive definite combination. The tests are of
-    `tests/unit/test_numbers_of_codimension.py`."""
-
-    __slots__ = ()
-
-    growth: float = 8.0
-    """The factor by which the weight of the barrier grows; at the weight w the largest t is known to (m + 1) / w.
-    `test_a_combination_is_known_to_a_third_of_its_least_eigenvalue`."""
-    sufficient: float = 0.3
-    """An eigenvalue that is known to this part of itself is known well enough.
-    `test_a_combination_is_known_to_a_third_of_its_least_eigenvalue`."""
-    decrement: float = 1e-3
-    """Newton's steps end where the barrier would fall by less. `test_newton_steps_to_the_minimum_of_the_barrier`."""
-
-
-PARAMETERS = SecondOrderParameters()
+# The factor by which the weight of the barrier grows; the part of an eigenvalue to which it is known well enough; the
+# fall of the barrier at which Newton's steps end.
+GROWTH, SUFFICIENT, DECREMENT = 8.0, 0.3, 1e-3
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -130,11 +116,11 @@ def definite_combination(matrices: Floats) -> Floats | None:
     for _ in range(60):
         x = _centered(matrices, x, weight)
         gap = (m + 1) / weight
-        if x[-1] > doubles.ROOT and gap < PARAMETERS.sufficient * x[-1]:
+        if x[-1] > doubles.ROOT and gap < SUFFICIENT * x[-1]:
             return x[:-1]
         if x[-1] + gap < doubles.ROOT:
             return None
-        weight *= PARAMETERS.growth
+        weight *= GROWTH
     return None
 
 
@@ -154,7 +140,7 @@ def _centered(matrices: Floats, x: Floats, weight: float) -> Floats:
     for _ in range(surface.PARAMETERS.newton_steps):
         step = -np.linalg.solve(here.hessian, here.gradient)
         decrement = -float(step @ here.gradient)
-        if decrement < PARAMETERS.decrement:
+        if decrement < DECREMENT:
             break
         factor = 1.0
         for _ in range(surface.PARAMETERS.most_halvings):

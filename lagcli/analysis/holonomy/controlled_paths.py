@@ -26,7 +26,7 @@ from lagcli.linear import decompositions, rank
 
 Numbers = npt.NDArray[np.int64]
 
-SHARED = 50  # paths among which common beginnings are looked for
+
 SCHEME = (dop853_tableau.A[: dop853_tableau.STAGES], dop853_tableau.B)
 
 
@@ -114,7 +114,7 @@ def ends(frame: ControlledFrame, start: Floats, controls: Floats, steps: int) ->
             # Words that begin alike are integrated once.
             seen = controls[:, : segment + 1].reshape(len(Z), -1)
             first, which = np.arange(len(Z)), np.arange(len(Z))
-            if is_shared and len(Z) > SHARED:
+            if is_shared and len(Z) > 50:
                 _, first, which = np.unique(seen, axis=0, return_index=True, return_inverse=True)
             U = controls[first, segment]
             moving = U.any(axis=1)
@@ -156,24 +156,10 @@ def knots(frame: ControlledFrame, start: Floats, controls: Floats, steps: int) -
     return np.array(points)
 
 
-class PathOrbitParameters:
-    """Random paths that explore an orbit; lengths are parts of the size of a loop. The tests are of
-    `tests/unit/test_numbers_of_flags_and_loops.py`."""
-
-    __slots__ = ()
-
-    beside_by: float = 0.1
-    """How far points are from one that may be singular, which they are looked at beside.
-    `test_a_start_is_singular_where_three_points_a_tenth_beside_it_are_not`."""
-    most: float = 0.8
-    """An orbit is explored where this part of the paths comes back.
-    `test_an_orbit_is_explored_where_four_in_five_paths_come_back`."""
-    seen: float = doubles.STEP
-    """Directions of this part are none: far above the error of a difference quotient.
-    `test_a_direction_of_an_orbit_is_seen_to_five_digits`."""
-
-
-PARAMETERS = PathOrbitParameters()
+# How far points are from one that may be singular; an orbit is explored where this part of the paths comes back.
+BESIDE, MOST = 0.1, 0.8
+# Directions of this part are none: far above the error of a difference quotient. Rough paths that miss by it are near.
+SEEN = doubles.STEP
 # Of random paths: the same in every run.
 SEED = 1973
 
@@ -193,10 +179,10 @@ class PathOrbit:
         """The tangent vectors (k + 1, a) with unit components along coordinates `closed` (a,), if they have one."""
         picked = self.tangent[closed]
         sigma = decompositions.singular_values(picked)
-        if sigma.size == 0 or sigma[-1] < PARAMETERS.seen:
+        if sigma.size == 0 or sigma[-1] < SEEN:
             return None
         found = self.tangent @ np.linalg.inv(picked)
-        return np.asarray(np.where(np.abs(found) < PARAMETERS.seen, 0.0, found))
+        return np.asarray(np.where(np.abs(found) < SEEN, 0.0, found))
 
 
 def through(part: LocalPart, point: Floats, size: float, timed: bool) -> PathOrbit | None:
@@ -220,8 +206,8 @@ def through(part: LocalPart, point: Floats, size: float, timed: bool) -> PathOrb
     lengths = np.linalg.norm(vectors, axis=0)
     vectors = vectors[:, (lengths > 1e-9) & (lengths < 1e6)]
     sigma, left = decompositions.column_axes(vectors / np.linalg.norm(vectors, axis=0))
-    many = int((sigma > PARAMETERS.seen * sigma.max(initial=0.0)).sum())
-    return PathOrbit(left[:, :many], kernel, bool(sure.mean() > PARAMETERS.most))
+    many = int((sigma > SEEN * sigma.max(initial=0.0)).sum())
+    return PathOrbit(left[:, :many], kernel, bool(sure.mean() > MOST))
 
 
 def is_singular(part: LocalPart, point: Floats) -> bool:
@@ -234,7 +220,7 @@ def is_singular(part: LocalPart, point: Floats) -> bool:
         return True
     random = np.random.default_rng(SEED)
     out = np.zeros((3, 1, kernel.shape[1] + 1))
-    out[:, 0, :-1] = PARAMETERS.beside_by * random.standard_normal((3, kernel.shape[1]))
+    out[:, 0, :-1] = BESIDE * random.standard_normal((3, kernel.shape[1]))
     points = ends(Projected(part, kernel), point, out, 2)
     kernels = (_kernel(part, end) for end in points if np.isfinite(end).all())
     return any(other is not None and other.shape[1] < kernel.shape[1] for other in kernels)

@@ -25,8 +25,8 @@ Numbers = npt.NDArray[np.int64]
 
 LARGEST = 60  # coordinates of a part; what is further away rests
 TOUCHED = 200_000  # entries of B evaluated in one call
-# Points beside the start; the same in every run.
-SAMPLES, SEED = 5, 1909
+# Of points beside the start; the same in every run.
+SEED = 1909
 
 
 class LoopTimeUpError(Exception):
@@ -135,7 +135,7 @@ class LocalPart:
     def angles(self) -> npt.NDArray[np.bool_]:
         """True for coordinates (k,) that enter the rows as angles: with the period 2 pi and no smaller part of it."""
         random = np.random.default_rng(SEED)
-        Z = self.start + 0.3 * random.standard_normal((SAMPLES, self.k + 1))
+        Z = self.start + 0.3 * random.standard_normal((5, self.k + 1))
         here = self.forms(Z)
         found = np.zeros(self.k, dtype=bool)
         for i in range(self.k):
@@ -151,7 +151,7 @@ class LocalPart:
     def knows_time(self) -> bool:
         """True if t or dt stands in the rows."""
         random = np.random.default_rng(SEED)
-        Z = self.start + 0.1 * random.standard_normal((SAMPLES, self.k + 1))
+        Z = self.start + 0.1 * random.standard_normal((5, self.k + 1))
         A = self.forms(Z)
         return bool(A[:, :, -1].any() or (self.forms(Z + np.eye(self.k + 1)[-1]) != A).any())
 

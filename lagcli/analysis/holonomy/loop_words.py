@@ -32,8 +32,6 @@ class LoopWordParameters:
     `test_lengths_are_solved_for_with_rough_paths_and_then_with_fine_ones`."""
     sure: int = 12
     """Steps in each segment to end. `test_lengths_are_solved_for_with_rough_paths_and_then_with_fine_ones`."""
-    coarse: float = controlled_paths.PARAMETERS.seen
-    """Rough paths that miss by so little are near. `test_rough_paths_come_near_to_five_digits`."""
     contracts: float = 0.7
     """A start that misses by more of what it missed before is left.
     `test_a_start_that_does_not_contract_after_three_turns_is_left`."""
@@ -165,7 +163,7 @@ def solved(words: LoopWords, goal: Goal, X: Floats, varied: Flags, enough: int |
         with np.errstate(invalid="ignore"):
             on = np.isfinite(worst) & np.isfinite(J).all(axis=(1, 2))
             on &= (worst < PARAMETERS.contracts * last) | (turn < 3)  # at first it may rise
-            there = on & (worst <= PARAMETERS.coarse * goal.size)
+            there = on & (worst <= controlled_paths.SEEN * goal.size)
         X, J, miss, varied, last, there = (x[on] for x in (X, J, miss, varied, worst, there))
         if not on.any():
             break

@@ -110,7 +110,7 @@ def proved(words: LoopWords, goal: Goal, x: Floats) -> Witness | None:
     end = points[0][-1] - (points[1][-1] if len(points) > 1 else goal.start)
     amount = float(end[goal.along])
     closure = float(np.abs(end[goal.closed]).max(initial=0.0))
-    moved = np.abs(end) > loop_words.PARAMETERS.coarse * goal.size
+    moved = np.abs(end) > controlled_paths.SEEN * goal.size
     moved[[goal.along, *goal.closed]] = False
     residual = max(_row_residual(words.frame, p, c) for p, c in zip(points, paths, strict=True))
     size = float(max(np.abs(p).max() for p in points))
@@ -212,7 +212,7 @@ class LoopTrial:
         """The simplest word that closes as it stands."""
         amount, miss = self.ends
         with np.errstate(invalid="ignore"):
-            closing = np.isfinite(amount) & (miss < loop_words.PARAMETERS.coarse * self.goal.size)
+            closing = np.isfinite(amount) & (miss < controlled_paths.SEEN * self.goal.size)
         return self.first(self.lengths[closing])
 
     def solved(self) -> Witness | None:

@@ -243,10 +243,10 @@ class _WitnessSearch:
             return []
         omega = self._omega(self.base)
         rate = omega @ found.tangent
-        if np.abs(rate).max(initial=0.0) < controlled_paths.PARAMETERS.seen:
+        if np.abs(rate).max(initial=0.0) < controlled_paths.SEEN:
             return []
         clearest = np.argsort(-np.abs(omega[:-1]), kind="stable").tolist()
-        seen = [i for i in clearest if abs(omega[i]) > controlled_paths.PARAMETERS.seen]
+        seen = [i for i in clearest if abs(omega[i]) > controlled_paths.SEEN]
         return [(found, i) for i in seen[:3]]
 
     def _omega(self, z: Floats) -> Floats:
@@ -256,7 +256,7 @@ class _WitnessSearch:
 
     def _is_crossed(self, lift: Floats | None) -> bool:
         """True if there are tangent vectors (k + 1, a), and the last of them crosses the row."""
-        clearly = 10 * controlled_paths.PARAMETERS.seen
+        clearly = 10 * controlled_paths.SEEN
         return lift is not None and bool(abs(self._omega(self.base) @ lift[:, -1]) > clearly)
 
     def _goals(self, found: PathOrbit, along: int, free: Numbers) -> Iterator[Goal]:

@@ -40,8 +40,6 @@ DEEPER = 1e-4
 LETTERS = 10**6
 # Multiplications beyond which no bracket is computed.
 LARGEST = 4_000_000
-# The same for a component of x in doubles.
-DOUBLES = 5
 SEED = 20062
 
 
@@ -60,11 +58,12 @@ class BracketValues:
         self.count = len(point.differential)
         self._random = np.random.default_rng(SEED)
         self.exact = in_digits(point, is_decimal)
-        self._length = DOUBLES * point.block.size if self.exact is None else self.exact.length
+        # Multiplications of one bracket, in doubles five for a component of x
+        self._length = 5 * point.block.size if self.exact is None else self.exact.length
         self.digits = 16 if self.exact is None else DIGITS
         usual = Limits(ROUGH_ZERO, ROUGH_SURE) if self.exact is None else Limits(ZERO, SURE)
         # A point may be off the orbit, where a value that should vanish may be so large.
-        off = Decimal(evaluation_point.PARAMETERS.off * point.error)
+        off = Decimal(evaluation_point.OFF * point.error)
         self._limits = Limits((limits or usual).zero, max((limits or usual).sure, off))
 
     def at(self, point: EvaluationPoint, limits: Limits) -> BracketValues:
@@ -183,8 +182,6 @@ DIGITS, FEWER = 60, 30
 CONTEXTS = ((FEWER, decimal.ROUND_UP),)
 MORE_CONTEXTS = ((FEWER - 1, decimal.ROUND_DOWN), (FEWER + 1, decimal.ROUND_HALF_EVEN))
 ZERO, SURE = Decimal("1e-40"), Decimal("1e-12")
-# Operations of the elimination that are written out.
-FILL = 20_000
 
 Field = list[Number]
 
@@ -200,7 +197,7 @@ class Exact:
         if point.rows.is_large:
             raise lie_brackets.TooMuchFill
         block, self._point = point.block, point
-        order = lie_brackets.pivots(point.A[point.independent, :], FILL)
+        order = lie_brackets.pivots(point.A[point.independent, :], 20_000)  # operations that are written out
         self._field = program.written_out(lie_brackets.expanded_field(block, point.independent, order))
         self._curl, self._along = program.written_out(block.curl), program.written_out(block.along)
         holonomic = program.written_out(block.surface)

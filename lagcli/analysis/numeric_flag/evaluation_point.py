@@ -20,17 +20,8 @@ from lagcli.linear.rank import Rank
 from lagcli.start import initial
 
 
-class BracketParameters:
-    """The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`."""
-
-    __slots__ = ()
-
-    off: float = 100.0
-    """A value that vanishes on the orbit is less than this many times its size and how far the point is off.
-    `test_a_bracket_is_certain_from_six_digits_and_a_hundred_errors_of_the_point`."""
-
-
-PARAMETERS = BracketParameters()
+# A value that vanishes on the orbit is less than this many times its size and how far the point is off.
+OFF = 100.0
 # Of random fields: the same in every run.
 SEED = 20062
 
@@ -62,7 +53,7 @@ class EvaluationPoint:
         if not ((sigma > doubles.VALUE) & (sigma <= rank.PARAMETERS.large)).any():
             return None
         nothing = self.roundoff
-        sure = PARAMETERS.off * nothing
+        sure = OFF * nothing
         if ((sigma > nothing) & (sigma <= sure)).any() or not np.isfinite(nothing):
             return None
         return int((sigma > sure).sum())
@@ -137,12 +128,12 @@ class EvaluationPoint:
         rows = metric_rows.LocalRows(row_block.scaled(self.plain, self.sizes))
         scaled = terms * self.sizes[rows.column] / rows.divisors[rows.row]
         largest = float(scaled.max(initial=0.0))
-        return max(doubles.VALUE, doubles.SUM * largest, PARAMETERS.off * self.error)
+        return max(doubles.VALUE, doubles.SUM * largest, OFF * self.error)
 
     @property
     def first(self) -> int:
         """The rank of these brackets, the certain part of it."""
-        return int((self.turning > max(doubles.ROOT, PARAMETERS.off * self.error)).sum())
+        return int((self.turning > max(doubles.ROOT, OFF * self.error)).sum())
 
     @cached_property
     def turning(self) -> Floats:

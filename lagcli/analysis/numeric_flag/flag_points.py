@@ -32,22 +32,9 @@ Floats = npt.NDArray[np.float64]
 Field = Callable[[Floats], Floats | None]
 
 
-class FlowParameters:
-    """Flows along the fields of the rows. The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`."""
-
-    __slots__ = ()
-
-    step: float = 0.1
-    """The reach of one flow, as a part of the sizes of the coordinates.
-    `test_a_flow_reaches_a_tenth_of_the_coordinates_and_a_hundredth_of_the_duration`."""
-    hopeless: float = 1e-3
-    """If the first three extrapolations differ by more than this part of the step, the others would not come down to
-    rounding. `test_a_flow_that_is_off_after_three_extrapolations_is_left`."""
-    roughly: float = doubles.STEP
-    """A flow that has come no closer than this is none. `test_a_flow_ends_somewhere_to_five_digits`."""
-
-
-PARAMETERS = FlowParameters()
+# The reach of one flow, as a part of the sizes of the coordinates, and the difference of its first three extrapolations
+# from which on the others would not come down to rounding.
+REACH, HOPELESS = 0.1, 1e-3
 # Of random directions: a fixed one, so that a verdict does not change.
 SEED = 20062
 
@@ -123,7 +110,7 @@ class Points:
         of_kind = np.full(int(kinds.max(initial=0)) + 1, min(float(values.max(initial=0.0)) or 1.0, 1.0))
         np.maximum.at(of_kind, kinds[:n], values)
         ranges = np.full(self._block.size, initial.PARAMETERS.later * self._duration)
-        ranges[:n] = PARAMETERS.step * of_kind[kinds[:n]]
+        ranges[:n] = REACH * of_kind[kinds[:n]]
         u = self._random.standard_normal(self._block.size)
         size = initial.size(point.x[:n])
 
@@ -150,7 +137,7 @@ class Points:
                 if path is None or self._block.pieces.end_between(np.array(path), point.p):
                     continue
             x, error = _flow(along, point.x, scale)
-            if error > PARAMETERS.roughly or error >= best.error:
+            if error > doubles.STEP or error >= best.error:
                 continue
             # What rounding alone has moved stands still: else a place that the rows keep to is left.
             x = np.where(np.abs(x - point.x) <= rounding * ranges, point.x, x)
@@ -159,7 +146,7 @@ class Points:
                 best = EvaluationPoint(self._block, there.x, point.p, error)
             if best.error <= doubles.VALUE:
                 break
-        if best.error > PARAMETERS.roughly:
+        if best.error > doubles.STEP:
             return None
         # The rounding of large terms may allow no more.
         return EvaluationPoint(self._block, best.x, point.p, max(best.error, point.error))
@@ -195,7 +182,7 @@ def _flow(along: Field, x: Floats, scale: Floats) -> tuple[Floats, float]:
         if k:
             error = float(np.abs((row[-1] - row[-2]) / scale).max(initial=0.0))
         table = row
-        if error <= doubles.VALUE or (k == 2 and error > PARAMETERS.hopeless):
+        if error <= doubles.VALUE or (k == 2 and error > HOPELESS):
             break
     return table[-1], error
 
