@@ -37,10 +37,6 @@ from lagcli.start.initial import State
 Kind = Literal["free", "one-sided", "blocked"]
 
 
-# Sets of contacts that are looked at for a ray along which just these stay closed.
-MOST_EDGES = 20_000
-
-
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ContactCondition:
     """A contact and its side; of one that is closed dg = gradient (n,) . dq + rate dt."""
@@ -274,7 +270,8 @@ def _rays(A: Floats) -> tuple[list[Floats], bool]:
     needed = A[numbers]
     if len(needed) == len(basis):
         return [ray / np.linalg.norm(ray) for ray in decompositions.pseudo_inverse(needed).T], True
-    if math.comb(len(needed), len(basis) - 1) > MOST_EDGES:
+    # Each set of contacts is looked at for a ray along which just these stay closed.
+    if math.comb(len(needed), len(basis) - 1) > 20_000:
         middle = complementarity.shortest(A, np.ones(len(A))).x
         return [middle / np.linalg.norm(middle)], False
     over = needed @ basis.T

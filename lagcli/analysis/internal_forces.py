@@ -23,8 +23,8 @@ from lagcli.smoothness.sized_function import SizedFunction
 from lagcli.start import initial
 from lagcli.start.initial import State
 
-# States around the one asked for, and how far, as a part of the size of the configuration.
-AROUND, OFFSET = 3, 0.1
+# How far states around the one asked for are off it, as a part of the size of the configuration.
+OFFSET = 0.1
 SEED = 20062
 
 
@@ -141,7 +141,7 @@ class _Laws:
         random = np.random.default_rng(SEED)
         size, speed = initial.size(state.q), initial.size(state.v)
         r, v = (np.array(x).reshape(-1, 3)[flags] for x in self._true(state.t, state.q, state.v, state.p))
-        for number in range(1 + AROUND):
+        for number in range(4):
             q, q_dot, free = state.q, state.v, np.concatenate([r.T.ravel(), v.T.ravel()])
             if number:
                 q = q + OFFSET * size * random.standard_normal(q.size)

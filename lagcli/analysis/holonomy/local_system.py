@@ -24,7 +24,6 @@ from lagcli.start.initial import State
 Numbers = npt.NDArray[np.int64]
 
 LARGEST = 60  # coordinates of a part; what is further away rests
-TOUCHED = 200_000  # entries of B evaluated in one call
 # Of points beside the start; the same in every run.
 SEED = 1909
 
@@ -98,7 +97,7 @@ class LocalPart:
         seconds = progress.PARAMETERS
         progress.reckon(seconds.evaluation + seconds.entry * len(Z) * self._entries[0].size)
         Z = Z * self.scale
-        most = max(1, TOUCHED // max(1, self._entries[0].size))
+        most = max(1, 200_000 // max(1, self._entries[0].size))  # entries of B in one call
         found = [self._forms(Z[i : i + most]) for i in range(0, len(Z), most)]
         return np.concatenate(found) * self.scale if found else np.zeros((0, self.rows.size, self.k + 1))
 

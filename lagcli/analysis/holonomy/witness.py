@@ -22,24 +22,9 @@ from lagcli.analysis.holonomy.loop_words import Goal, LoopWords
 from lagcli.arrays import Floats
 
 
-class WitnessParameters:
-    """Requirements on a path that proves a row not integrable; sizes are parts of that of the loop. The tests are of
-    `tests/unit/test_numbers_of_flags_and_loops.py`."""
-
-    __slots__ = ()
-
-    clear: float = 0.04
-    """The least amount worth showing. `test_an_amount_is_worth_showing_from_a_twenty_fifth_of_the_size`."""
-    far: float = 25.0
-    """The farthest that a loop may reach. `test_a_loop_reaches_twenty_five_sizes_at_most`."""
-    near_miss: float = 1.5
-    """The most that they miss by, of the amount they move. `test_words_that_miss_by_what_they_move_are_solved_for`."""
-    smooth: float = 1e-4
-    """The change of their ends with finer steps that is allowed: near a pole the steps do not converge.
-    `test_the_end_of_a_path_stays_with_finer_steps`."""
-
-
-PARAMETERS = WitnessParameters()
+# In parts of the size of a loop: the least amount worth showing, the farthest that it may reach, and how much its end
+# may change with finer steps, which near a pole do not converge; of the amount they move, what words may miss by.
+CLEAR, FAR, SMOOTH, NEAR_MISS = 0.04, 25.0, 1e-4, 1.5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -115,7 +100,7 @@ def proved(words: LoopWords, goal: Goal, x: Floats) -> Witness | None:
     residual = max(_row_residual(words.frame, p, c) for p, c in zip(points, paths, strict=True))
     size = float(max(np.abs(p).max() for p in points))
     error = float(uncertain[goal.along] + closure + 4 * doubles.EPS * size)
-    clear = abs(amount) > PARAMETERS.clear * goal.size and error < doubles.ROOT * abs(amount)
+    clear = abs(amount) > CLEAR * goal.size and error < doubles.ROOT * abs(amount)
     if not (clear and residual < doubles.ZERO and _crosses(part, goal, amount, bool(moved.any()))):
         return None
     names, scale = part.names, part.scale
@@ -203,9 +188,9 @@ class LoopTrial:
         one step in each segment."""
         found = self.words.offsets(self.goal, self.lengths, 1)
         with np.errstate(invalid="ignore"):
-            wild = ~(np.abs(found).max(axis=1) < PARAMETERS.far * self.goal.size)
+            wild = ~(np.abs(found).max(axis=1) < FAR * self.goal.size)
             amount = np.where(wild, np.nan, found[:, self.goal.along])
-            amount[~(np.abs(amount) > PARAMETERS.clear * self.goal.size)] = np.nan
+            amount[~(np.abs(amount) > CLEAR * self.goal.size)] = np.nan
         return amount, np.abs(found[:, self.goal.closed]).max(axis=1, initial=0.0)
 
     def closing(self) -> Witness | None:
@@ -219,7 +204,7 @@ class LoopTrial:
         """A word that closes after its lengths are solved for."""
         amount, miss = self.ends
         with np.errstate(invalid="ignore"):
-            near = np.flatnonzero(np.isfinite(amount) & (miss < PARAMETERS.near_miss * np.abs(amount)))
+            near = np.flatnonzero(np.isfinite(amount) & (miss < NEAR_MISS * np.abs(amount)))
         near = near[np.argsort(miss[near] / np.abs(amount[near]), kind="stable")][:8]
         if not near.size:
             return None
@@ -250,8 +235,8 @@ class LoopTrial:
         amount = fine[:, self.goal.along]
         with np.errstate(invalid="ignore"):
             # Near a pole the steps do not converge.
-            smooth = np.abs(fine - rough).max(axis=1) < PARAMETERS.smooth * size
-            clear = np.flatnonzero((np.abs(amount) > PARAMETERS.clear * size) & smooth)
+            smooth = np.abs(fine - rough).max(axis=1) < SMOOTH * size
+            clear = np.flatnonzero((np.abs(amount) > CLEAR * size) & smooth)
         for number in sorted(clear, key=lambda i: _effort(self.words, X[i], float(amount[i]), size))[:3]:
             found = proved(self.words, self.goal, X[number])
             if found is not None:

@@ -178,9 +178,9 @@ def _work(shape: Shape, depth: int = 0) -> float:
 
 
 # Values in the first precision; a coarser one shows the size of what cancelled, and so what is rounding.
-DIGITS, FEWER = 60, 30
-CONTEXTS = ((FEWER, decimal.ROUND_UP),)
-MORE_CONTEXTS = ((FEWER - 1, decimal.ROUND_DOWN), (FEWER + 1, decimal.ROUND_HALF_EVEN))
+DIGITS = 60
+CONTEXTS = ((30, decimal.ROUND_UP),)
+MORE_CONTEXTS = ((29, decimal.ROUND_DOWN), (31, decimal.ROUND_HALF_EVEN))
 ZERO, SURE = Decimal("1e-40"), Decimal("1e-12")
 
 Field = list[Number]
