@@ -5,6 +5,7 @@ Exact algebra decides where it can. Where it cannot, the flag is taken from numb
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 from collections.abc import Iterable
@@ -54,8 +55,15 @@ class Classifier:
         single = [self._alone(name) for name in names]
         solved: tuple[FirstIntegral, ...] = ()
         if numbers is not None and block is not None and flagged is None:
-            solved = self._without_flag(block, numbers, single) if numbers.is_certain else ()
-            if not numbers.is_certain or len(solved) < numbers.extra[-1]:
+            # All integrals of rows whose flag is known by numbers, or none where not all are found
+            wanted = numbers.extra[-1] if numbers.is_certain else 0
+            with contextlib.suppress(*time_limit.NO_ANSWER):
+                if wanted:
+                    solved = self._written(
+                        joint.without_flag(block, wanted, single, self._deadline).integrals
+                    )
+            solved = solved if len(solved) == wanted else ()
+            if not numbers.is_certain or len(solved) < wanted:
                 block, flagged = self._flagged(group, block, PATIENT)
                 settled = self._settled(group, block, flagged)
         if block is not None and settled is not None:
@@ -183,10 +191,7 @@ class Classifier:
         unsolved: tuple[str, ...] = ()
         if found.dims[-1]:
             solved = self._alike.solution(block, flagged, single, self._deadline)
-            integrals = tuple(
-                translate.first_integral(one.phi, one.rows, self._translation.values)
-                for one in solved.integrals
-            )
+            integrals = self._written(solved.integrals)
             unsolved = tuple(notation.written(form) for form in solved.unsolved)
         at_start = {notation.written(e): self._locality.is_at_start(e) for e in found.special}
         special = {text: at for text, at in at_start.items() if len(text) <= 60}  # longer ones tell nothing
@@ -220,20 +225,9 @@ class Classifier:
             holonomic_rank=len(flagged.values) + found.holonomic_rank,
         )
 
-    def _without_flag(
-        self, block: PfaffianBlock, numbers: NumericFlag, single: list[frobenius.FormVerdict | None]
-    ) -> tuple[FirstIntegral, ...]:
-        """All integrals of rows whose flag is known by numbers, or none where not all were found."""
-        wanted = numbers.extra[-1]
-        if not wanted:
-            return ()
-        try:
-            found = joint.without_flag(block, wanted, single, self._deadline).integrals
-        except time_limit.NO_ANSWER:
-            return ()
+    def _written(self, integrals: Iterable[joint.JointIntegral]) -> tuple[FirstIntegral, ...]:
         values = self._translation.values
-        written = tuple(translate.first_integral(one.phi, one.rows, values) for one in found)
-        return written if len(written) == wanted else ()
+        return tuple(translate.first_integral(one.phi, one.rows, values) for one in integrals)
 
     def _numeric(
         self,

@@ -284,7 +284,6 @@ class Locality:
         Of a product that vanishes there another factor may be small wherever motions come to.
         """
         vanishing = [e for e in divisors if e is None or self.is_at_start(e)]
-
         if not vanishing:
             return []
 

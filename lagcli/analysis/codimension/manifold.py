@@ -159,10 +159,6 @@ def is_regular(part: ScaledPart, count: int, times: Sequence[float], independent
     return known == len(chosen) and satisfies_all(LargeManifold(part, chosen), part.begin, t, times)
 
 
-# Of random directions: a fixed one, so that the verdict does not change.
-BRANCH_SEED = 20062
-
-
 class _SlowConvergence(Exception):
     """Newton's method comes to the surface, but slowly: what is there is not regular."""
 
@@ -172,7 +168,7 @@ def codimensions(part: ScaledPart, times: Sequence[float]) -> set[int | None]:
     enters; None where one is not proved, as where a branch is not regular, or where most steps come nowhere."""
     found: set[int | None] = set()
     failed = 0
-    random = np.random.default_rng(BRANCH_SEED)
+    random = np.random.default_rng(SEED + 1)
     for point in range(16):
         z = part.begin
         t = times[point % len(times)] if times else part.state.t

@@ -93,15 +93,10 @@ def loops(
     first, second = pair
     count_a, count_b = (letters + 1) // 2, letters // 2
     basis = np.zeros((letters, m, letters - 2))
-    for position in range(letters):
-        which, number, count = (
-            (first, position // 2, count_a) if position % 2 == 0 else (second, position // 2, count_b)
-        )
-        offset = 0 if position % 2 == 0 else count_a - 1
-        if number < count - 1:
-            basis[position, which, offset + number] = 1.0
-        else:
-            basis[position, which, offset : offset + count - 1] = -1.0
+    # The last move along each coordinate takes back all others.
+    own, other = (np.vstack([np.eye(count - 1), -np.ones(count - 1)]) for count in (count_a, count_b))
+    basis[::2, first, : count_a - 1] = own
+    basis[1::2, second, count_a - 1 :] = other
     scale = np.concatenate([np.full(count_a - 1, units[first]), np.full(count_b - 1, units[second])])
     if extra > 1:  # all combinations of round lengths would be too many
         grid = np.random.default_rng(letters).standard_normal((12, letters - 2))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import decimal
+import itertools
 from collections.abc import Callable
 from decimal import Decimal
 from functools import cached_property
@@ -119,10 +120,7 @@ class Growth:
     @property
     def ranks(self) -> tuple[int, ...]:
         """0 and the rank after each level."""
-        ranks = [0]
-        for level in self.levels:
-            ranks.append(ranks[-1] + len(level))
-        return tuple(ranks)
+        return tuple(itertools.accumulate(map(len, self.levels), initial=0))
 
 
 def grown(values: BracketValues, count: int | None = None) -> Growth:

@@ -82,11 +82,6 @@ class EvaluationPoint:
         return np.flatnonzero(~independent_rows.redundant(self.rows)).tolist()
 
     @property
-    def are_independent(self) -> bool:
-        """True if no row depends on others."""
-        return self.all.low == self.rows.count
-
-    @property
     def dimension(self) -> int:
         """The dimension of the kernel D."""
         return self.block.size - self.all.low

@@ -112,7 +112,8 @@ def _found(nothing: NumericFlag, points: Points, deadline: float) -> NumericFlag
             raise spans.Undecided(SIDES_DIFFER)
         # Brackets of two fields, in doubles, certainly show that no combination stays.
         m = len(generic.differential)
-        exact = None if generic.are_independent else bracket_values.in_digits(generic, is_decimal=True)
+        are_independent = generic.all.low == generic.rows.count
+        exact = None if are_independent else bracket_values.in_digits(generic, is_decimal=True)
         return dataclasses.replace(
             known,
             extra=(m, 0) if m else (0,),
