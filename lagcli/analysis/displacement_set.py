@@ -198,18 +198,10 @@ def _bases(numeric: NumericSystem, state: State, metric: Metric, name: str) -> B
         ),
         default=0.0,
     )
-    left = np.abs(plain.times(allowed) + b) / plain.divisors
     size = float((np.abs(b) / plain.divisors).max(initial=0.0)) or 1.0
-    return Bases(
-        rows.count,
-        found.low,
-        name,
-        virtual,
-        allowed,
-        residual,
-        float(left.max(initial=0.0)) / size,
-        found.value is not None,
-    )
+    left = float((np.abs(plain.times(allowed) + b) / plain.divisors).max(initial=0.0)) / size
+    is_certain = found.value is not None
+    return Bases(rows.count, found.low, name, virtual, allowed, residual, left, is_certain)
 
 
 def _components(model: Model, rows: tuple[Floats, Floats], rank: int, sizes: Floats) -> Components:

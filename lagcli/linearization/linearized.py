@@ -64,19 +64,6 @@ class LinearMatrices(NamedTuple):
     D_holonomic: ca.DM
 
 
-class RowValues(NamedTuple):
-    """Rates of all rows and contacts that press, their positions, and contacts that do not press, (k,) each.
-
-    values: B v + b, f and g; terms: what they are sums of; scales: what the whole configuration, or all speeds, could
-    make of them; one_sided: how many of the last may be above 0.
-    """
-
-    values: Floats
-    terms: Floats
-    scales: Floats
-    one_sided: int
-
-
 class Linear:
     """M, C, K (n, n), B (h, n) with B dq = 0, A, D (d, n) with A dq' + D dq = 0, sparse; D_holonomic
     (h, n): d(B v + b)/dq of the holonomic rows but for leaves; `residual` (n,) is
@@ -191,11 +178,14 @@ class LinearizedFunctions:
         found = self._at(here.t, here.q, here.v, here.a, here.lam, here.p)
         return np.concatenate([np.zeros(0), *(part.nonzeros() for part in found[:7])])
 
-    def rows(self, here: Reference) -> RowValues:
-        """The rows at a reference, contacts that press among them."""
+    def is_on_rows(self, here: Reference) -> bool:
+        """True if a reference satisfies the rows and contacts that press, and is on the allowed side of others, but for
+        rounding of their terms and of what the whole configuration, or all speeds, could make of them."""
         found = self._rows(here.t, here.q, here.v, here.p)
         values, terms, scales = (np.array(part).ravel() for part in found)
-        return RowValues(values, terms, scales, self.system.contacts.count - len(self.closed))
+        off, apart = np.abs(values), values.size - (self.system.contacts.count - len(self.closed))
+        off[apart:] = -values[apart:]
+        return bool((off <= doubles.ZERO * terms + doubles.VALUE * scales).all())
 
     def stiffness_terms(self, here: Reference, linear: Linear) -> Floats:
         """The sizes of the terms of the entries of K (n, n), with multipliers as large as all forces could make them:
@@ -211,7 +201,8 @@ class LinearizedFunctions:
 
     @cached_property
     def _rows(self) -> ca.Function:
-        """The columns of `RowValues`. By Cauchy and Schwarz |B_i v| <= |B_i| |v| in the metric of the masses."""
+        """Rates B v + b of all rows and contacts that press, their positions, and contacts that do not press; what they
+        are sums of; and what they could be, by |B_i v| <= |B_i| |v| in the metric of the masses."""
         built, closed = self.system, list(self.closed)
         s, contacts, holonomic = built.symbols, built.contacts, built.holonomic_count
         apart = [j for j in range(contacts.count) if j not in closed]

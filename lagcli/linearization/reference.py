@@ -17,7 +17,7 @@ from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem
 from lagcli.linear import decompositions
 from lagcli.linearization import spectrum
-from lagcli.linearization.linearized import Linear, LinearizedFunctions, Reference, RowValues
+from lagcli.linearization.linearized import Linear, LinearizedFunctions, Reference
 
 Kind = Literal["equilibrium", "steady", "varying"]
 
@@ -92,7 +92,7 @@ def _lasting(
     same, least = True, _least(found.linear, here, duration)
     for part in PATH_PARTS:
         later = moved(here, part * duration)
-        if not on_rows(functions.rows(later)):
+        if not functions.is_on_rows(later):
             return None
         linear = functions.at(later)
         if not np.isfinite(linear.values).all() or not is_balanced(linear, doubles.ZERO, least):
@@ -106,16 +106,6 @@ def moved(here: Reference, s: float) -> Reference:
     with np.errstate(over="ignore", invalid="ignore"):  # beyond all doubles the motion is none
         q = here.q + here.v * s + here.a * (s * s / 2)
         return dataclasses.replace(here, t=here.t + s, q=q, v=here.v + here.a * s)
-
-
-def on_rows(rows: RowValues) -> bool:
-    """True if a state satisfies the rows and is on the allowed side of contacts that are none, but for rounding of
-    their terms and of what the whole configuration, or all speeds, could make of them."""
-    least = doubles.ZERO * rows.terms + doubles.VALUE * rows.scales
-    off = np.abs(rows.values)
-    one_sided = off.size - rows.one_sided
-    off[one_sided:] = -rows.values[one_sided:]
-    return bool((off <= least).all())
 
 
 def is_same(one: Linear, other: Linear, duration: float) -> bool:
