@@ -32,7 +32,6 @@ from lagcli.model import model as nouns
 from lagcli.start import assembly, initial
 
 QUICK = progress.Counted(1.0)  # seconds for numbers to show that nothing is integrable
-MOST_NAMES = 4  # more rows are counted and not named
 AGAIN = "the hidden conditions of the rows have no end that algebra sees"
 
 
@@ -200,11 +199,9 @@ def _by_algebra(built: System, numeric: NumericSystem, limit: float) -> KnownInt
             unknown += [row for row in group.rows if row in group.inside] or group.rows
     unknown_parts = []
     if unknown:
-        unknown_parts.append(f"not all integrals of {initial.quoted(unknown, MOST_NAMES)} were found")
+        unknown_parts.append(f"not all integrals of {initial.quoted(unknown, 4)} were found")
     if undecided:
-        unknown_parts.append(
-            f"it is undecided whether {initial.quoted(undecided, MOST_NAMES)} can be integrated"
-        )
+        unknown_parts.append(f"it is undecided whether {initial.quoted(undecided, 4)} can be integrated")
     return KnownIntegrals(
         whole.found.integrals,
         tuple(

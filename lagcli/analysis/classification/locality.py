@@ -32,7 +32,6 @@ from lagcli.start import precise_rows
 BUDGET = 60_000
 # No answer of algebra about a place.
 OPEN: tuple[type[Exception], ...] = (function_field.NotDecidedError, *time_limit.NO_ANSWER)
-MOST_LISTED = 3  # equations that are named
 Answer = TypeVar("Answer")
 
 
@@ -139,7 +138,7 @@ class Locality:
         whole = self._on_side(flagged.block.with_values(self._translation.values))
         equations: tuple[Expression, ...] = ()
         found = flagged
-        for _ in range(MOST_LISTED):
+        for _ in range(3):
             rank = _surface_rank(found) + found.flag.dims[0] - len(flagged.values)
             kept = None if own is None else self._kept(whole, equations, own, rank)
             if kept is None:
@@ -269,7 +268,7 @@ class Locality:
         note = "verdicts and count hold for the motions from the start"
         names = special_points.sentences(block, where, self.start.point)
         if names:
-            note += f", which keep to {', '.join(names[:MOST_LISTED])}"
+            note += f", which keep to {', '.join(names[:3])}"
         return dataclasses.replace(
             together,
             integrals=lasting,

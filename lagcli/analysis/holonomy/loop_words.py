@@ -21,26 +21,10 @@ from lagcli.linear import rank
 Numbers = npt.NDArray[np.int64]
 
 
-class LoopWordParameters:
-    """Words of moves, and the lengths for which they close; sizes are parts of that of a loop. The tests are of
-    `tests/unit/test_numbers_of_flags_and_loops.py`."""
-
-    __slots__ = ()
-
-    steps: int = 2
-    """Steps in each segment to come near with its lengths.
-    `test_lengths_are_solved_for_with_rough_paths_and_then_with_fine_ones`."""
-    sure: int = 12
-    """Steps in each segment to end. `test_lengths_are_solved_for_with_rough_paths_and_then_with_fine_ones`."""
-    contracts: float = 0.7
-    """A start that misses by more of what it missed before is left.
-    `test_a_start_that_does_not_contract_after_three_turns_is_left`."""
-    halves: tuple[int, ...] = (1, 2, -1, -2)
-    """Lengths of trials, whole numbers of units of the coordinates.
-    `test_trial_lengths_are_halves_and_wholes_or_twelve_at_random`."""
-
-
-PARAMETERS = LoopWordParameters()
+# Lengths of trials, in units of the coordinates.
+HALVES = (1, 2, -1, -2)
+# A start that misses by more of what it missed before is left.
+CONTRACTS = 0.7
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,13 +82,8 @@ def loops(
     basis[::2, first, : count_a - 1] = own
     basis[1::2, second, count_a - 1 :] = other
     scale = np.concatenate([np.full(count_a - 1, units[first]), np.full(count_b - 1, units[second])])
-    if extra > 1:  # all combinations of round lengths would be too many
-        grid = np.random.default_rng(letters).standard_normal((12, letters - 2))
-    else:
-        values = [(0.0, *PARAMETERS.halves), *[(*PARAMETERS.halves, 4.0, -4.0)] * (count_a - 2)]
-        others = [(1.0,), *[(0.0, *PARAMETERS.halves)] * (count_b - 2)]
-        grid = np.array(list(itertools.product(*values, *others)))
-    return LoopWords(frame, basis, np.zeros((letters, m))), grid * scale
+    values = [(0, *HALVES), *[(*HALVES, 4, -4)] * (count_a - 2), (1,), *[(0, *HALVES)] * (count_b - 2)]
+    return LoopWords(frame, basis, np.zeros((letters, m))), _lengths(values, letters, extra) * scale
 
 
 def words_in_time(
@@ -117,12 +96,15 @@ def words_in_time(
     basis[-1, axis] = -1.0
     fixed = np.zeros((letters, m))
     fixed[:, -1] = units[-1]
+    values = [HALVES, *[(0, *HALVES)] * (letters - 2)]
+    return LoopWords(frame, basis, fixed, fixed), _lengths(values, letters, extra) * units[axis]
+
+
+def _lengths(values: list[tuple[int, ...]], letters: int, extra: int) -> Floats:
+    """All combinations (N, q) of round lengths; where they would be too many twelve at random."""
     if extra > 1:
-        grid = np.random.default_rng(letters).standard_normal((12, letters - 1))
-    else:
-        values = [PARAMETERS.halves, *[(0.0, *PARAMETERS.halves)] * (letters - 2)]
-        grid = np.array(list(itertools.product(*values)))
-    return LoopWords(frame, basis, fixed, fixed), grid * units[axis]
+        return np.random.default_rng(letters).standard_normal((12, len(values)))
+    return np.array(list(itertools.product(*values)), dtype=float)
 
 
 def free_paths(
@@ -143,21 +125,19 @@ def free_paths(
 def solved(words: LoopWords, goal: Goal, X: Floats, varied: Flags, enough: int | None = None) -> Floats:
     """Lengths (K, q), K <= M, of paths that close, by Gauss-Newton from X (M, q) on the lengths `varied` (M, q).
 
-    Rough paths with their derivatives come near, then those derivatives serve fine paths. Starts that do not
-    contract are left, and all others once `enough` are there.
+    Rough paths, of two steps in each segment, come near with their derivatives, then those serve fine paths, of twelve.
+    Starts that do not contract are left, and all others once `enough` are there.
     """
     near: list[tuple[Floats, Floats]] = []
     last = np.full(len(X), np.inf)
     wanted = _wanted(goal)
     for turn in range(16):
-        ends, J = controlled_paths.turned(
-            words.frame, goal.start, words.controls(X), words.basis, PARAMETERS.steps
-        )
-        miss, J = _asked(goal, ends - words.resting(goal, PARAMETERS.steps)) - wanted, _asked(goal, J)
+        ends, J = controlled_paths.turned(words.frame, goal.start, words.controls(X), words.basis, 2)
+        miss, J = _asked(goal, ends - words.resting(goal, 2)) - wanted, _asked(goal, J)
         worst = np.abs(miss).max(axis=1, initial=0.0)
         with np.errstate(invalid="ignore"):
             on = np.isfinite(worst) & np.isfinite(J).all(axis=(1, 2))
-            on &= (worst < PARAMETERS.contracts * last) | (turn < 3)  # at first it may rise
+            on &= (worst < CONTRACTS * last) | (turn < 3)  # at first it may rise
             there = on & (worst <= controlled_paths.SEEN * goal.size)
         X, J, miss, varied, last, there = (x[on] for x in (X, J, miss, varied, worst, there))
         if not on.any():
@@ -180,15 +160,15 @@ def _polished(words: LoopWords, goal: Goal, near: list[tuple[Floats, Floats]]) -
         return np.zeros((0, words.basis.shape[2]))
     X, inverse = (np.array(each) for each in zip(*near, strict=True))
     last = np.full(len(X), np.inf)
-    rest, wanted = words.resting(goal, PARAMETERS.sure), _wanted(goal)
+    rest, wanted = words.resting(goal, 12), _wanted(goal)
     for _ in range(10):
-        ends = controlled_paths.ends(words.frame, goal.start, words.controls(X), PARAMETERS.sure)
+        ends = controlled_paths.ends(words.frame, goal.start, words.controls(X), 12)
         miss = _asked(goal, ends - rest) - wanted
         worst = np.abs(miss).max(axis=1, initial=0.0)
         there = worst <= doubles.VALUE * goal.size
         done += list(X[there])
         with np.errstate(invalid="ignore"):
-            on = ~there & (worst < PARAMETERS.contracts * last)
+            on = ~there & (worst < CONTRACTS * last)
         if not on.any():
             break
         X, inverse, last = X[on], inverse[on], worst[on]

@@ -228,10 +228,7 @@ class LoopTrial:
             return None
         size = self.goal.size
         X = X[np.argsort(np.abs(X).sum(axis=1), kind="stable")[:200]]
-        rough, fine = (
-            self.words.offsets(self.goal, X, n)
-            for n in (loop_words.PARAMETERS.steps, loop_words.PARAMETERS.sure)
-        )
+        rough, fine = (self.words.offsets(self.goal, X, steps) for steps in (2, 12))
         amount = fine[:, self.goal.along]
         with np.errstate(invalid="ignore"):
             # Near a pole the steps do not converge.
