@@ -43,20 +43,18 @@ NEARLY = "whether rows depend on each other or only nearly do is not certain"
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class NumericFlag:
-    """The derived flag of `rows` (m,), differential rows of the system, on the surface of those they came with.
+    """The derived flag of m differential rows on the surface of those they came with.
 
     dimension: of the kernel D at generic points, over coordinates and, with `has_time`, time. extra: dimensions of I,
     I', ... beyond the df, to zero or to the first that repeats; growth: dim D grows by these in the growth vector, (0,
-    ...). inside (m,): which rows lie in I^(oo). contradiction: a multiple of dt lies in the rows.
-    special: ranks or growth at the start are not those nearby (None: brackets were too large to look there too).
-    states: states of the orbit that were looked at, the start first; surface: the rank of the holonomic rows on it.
-    on_piece: abs, min, max or sign switch in the rows, so that the flag is that of the start's side. digits: the
-    precision of the proof; error: the largest value that counted as zero, least: the smallest that did not, both
-    relative to the size of the terms they are made of. Where not `is_certain`, `reason` says why, and of extra, growth
-    and inside what is not known is empty.
+    ...). inside (m,): which rows lie in I^(oo). contradiction: a multiple of dt lies in the rows. special: ranks or
+    growth at the start are not those nearby (None: brackets were too large to look there too). states: states of the
+    orbit that were looked at, the start first. on_piece: abs, min, max or sign switch in the rows, so that the flag is
+    that of the start's side. digits: the precision of the proof; error: the largest value that counted as zero, least:
+    the smallest that did not, both relative to the size of the terms they are made of. Where not `is_certain`, `reason`
+    says why, and of extra, growth and inside what is not known is empty.
     """
 
-    rows: tuple[int, ...]
     has_time: bool
     dimension: int | None = None
     extra: tuple[int, ...] = ()
@@ -65,7 +63,6 @@ class NumericFlag:
     contradiction: bool = False
     special: bool | None = False
     states: tuple[State, ...] = ()
-    surface: int = 0
     on_piece: bool = False
     is_certain: bool = False
     reason: str = ""
@@ -81,7 +78,7 @@ def flag(system: System, begin: State, rows: Sequence[int], deadline: float = ma
     which the search is given up.
     """
     block = RowBlock(system, sorted(rows))
-    nothing = NumericFlag(block.differential, block.has_time)
+    nothing = NumericFlag(block.has_time)
     try:
         with decimal.localcontext(prec=bracket_values.DIGITS):
             return _found(nothing, Points(block, system, begin, deadline), deadline)
@@ -100,7 +97,6 @@ def _found(nothing: NumericFlag, points: Points, deadline: float) -> NumericFlag
         contradiction=generic.still.high < generic.all.low,
         special=start.ranks != generic.ranks,
         states=tuple(points.state(point) for point in points.visited),
-        surface=generic.surface.low,
         is_certain=True,
     )
     if start.surface.low < generic.surface.low:
