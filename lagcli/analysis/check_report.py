@@ -100,20 +100,16 @@ class JointReport:
 def joint(count: DofCount, found: Classification) -> JointReport:
     """The joint part: the flag of all rows, df of the holonomic ones included (their rank stays to the end)."""
     unsolved = tuple(form for group in found.groups for form in group.unsolved)
-    dimension = count.coordinates + found.depends_on_time
-    if count.holonomic is None or not found.flag:
-        return JointReport(
-            (), found.everything, unsolved, (), dimension, "none", found.remarks, found.depends_on_time
-        )
-    surface = count.holonomic - found.flag[-1]
-    dims = [surface + extra for extra in found.flag]
-    # The end is 0, or a dimension that is met again.
-    flag = tuple(dims if dims[-1] == 0 else [*dims, dims[-1]])
-    dimension -= surface
-    growth = tuple(dimension - found.flag[0] + more for more in found.growth)
-    return JointReport(
-        flag, found.everything, unsolved, growth, dimension, count.proof, found.remarks, found.depends_on_time
-    )
+    dimension, has_time = count.coordinates + found.depends_on_time, found.depends_on_time
+    flag, growth, proof = list[int](), list[int](), "none"
+    if count.holonomic is not None and found.flag:
+        surface = count.holonomic - found.flag[-1]
+        flag = [surface + extra for extra in found.flag]
+        flag += [flag[-1]] if flag[-1] else []  # the end is 0, or a dimension that is met again
+        dimension -= surface
+        growth, proof = [dimension - found.flag[0] + more for more in found.growth], count.proof
+    integrals, remarks = found.everything, found.remarks
+    return JointReport(tuple(flag), integrals, unsolved, tuple(growth), dimension, proof, remarks, has_time)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

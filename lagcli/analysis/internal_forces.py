@@ -79,27 +79,27 @@ def internal(system: System, state: State) -> tuple[Internal, ...]:
         if not term.is_complete and len(term.touched) > 2:
             key = ("several", frozenset())
         groups.setdefault(key, []).append(term)
-    return tuple(_judged(system.model.particle_names, group, states) for group in groups.values())
-
-
-def _judged(names: tuple[str, ...], group: list[_Term], states: list[tuple[Floats, Floats]]) -> Internal:
-    particles = sorted(frozenset[int]().union(*(term.touched for term in group)))
-    size, unbalanced, off_line = 0.0, 0.0, 0.0
-    for number, (r, F) in enumerate(states):
-        total, torque, forces = np.zeros(3), np.zeros(3), 0.0
-        center = r[particles].mean(axis=0)
-        for term in group:
-            for index, k in enumerate(term.on):
-                force = F[term.first + 3 * index : term.first + 3 * index + 3]
-                total, torque = total + force, torque + np.cross(r[k] - center, force)
-                forces += float(np.linalg.norm(force))
-        lever = float(np.linalg.norm(r[particles] - center, axis=1).max()) or 1.0
-        size = forces if number == 0 else size
-        if forces > 0:
-            unbalanced = max(unbalanced, float(np.linalg.norm(total)) / forces)
-            off_line = max(off_line, float(np.linalg.norm(torque)) / (forces * lever))
-    laws = tuple(dict.fromkeys(term.law for term in group))
-    return Internal(laws, tuple(names[k] for k in particles), size, unbalanced, off_line)
+    found = []
+    for group in groups.values():
+        particles = sorted(frozenset[int]().union(*(term.touched for term in group)))
+        size, unbalanced, off_line = 0.0, 0.0, 0.0
+        for number, (r, F) in enumerate(states):
+            total, torque, forces = np.zeros(3), np.zeros(3), 0.0
+            center = r[particles].mean(axis=0)
+            for term in group:
+                for index, k in enumerate(term.on):
+                    force = F[term.first + 3 * index : term.first + 3 * index + 3]
+                    total, torque = total + force, torque + np.cross(r[k] - center, force)
+                    forces += float(np.linalg.norm(force))
+            lever = float(np.linalg.norm(r[particles] - center, axis=1).max()) or 1.0
+            size = forces if number == 0 else size
+            if forces > 0:
+                unbalanced = max(unbalanced, float(np.linalg.norm(total)) / forces)
+                off_line = max(off_line, float(np.linalg.norm(torque)) / (forces * lever))
+        names = tuple(system.model.particle_names[k] for k in particles)
+        laws_of = tuple(dict.fromkeys(term.law for term in group))
+        found.append(Internal(laws_of, names, size, unbalanced, off_line))
+    return tuple(found)
 
 
 class _Laws:
