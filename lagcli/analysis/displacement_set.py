@@ -16,12 +16,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.analysis import contact_directions, internal_forces
 from lagcli.analysis.contact_directions import ContactDirections
 from lagcli.analysis.internal_forces import Internal
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.linear import decompositions, independent_rows, rank
@@ -32,8 +32,6 @@ from lagcli.smoothness.sized_function import SizedFunction
 from lagcli.start import initial, projection
 from lagcli.start.consistent_start import Moves
 from lagcli.start.initial import State
-
-Floats = npt.NDArray[np.float64]
 
 # A basis of so many coordinates has some ten million numbers.
 MOST_COORDINATES = 4000

@@ -11,7 +11,6 @@ import itertools
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles, progress
 from lagcli.analysis import codimension
@@ -27,7 +26,6 @@ from lagcli.smoothness import sides
 from lagcli.start import initial, projection
 from lagcli.start.initial import State
 
-Floats = npt.NDArray[np.float64]
 Proof = Literal["symbolic", "numeric", "none"]
 
 # A row whose direction turns by TURN within a rounding of the configuration's size stands at a tip of its surface.

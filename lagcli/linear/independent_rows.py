@@ -10,10 +10,9 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
-from lagcli.arrays import Floats
+from lagcli.arrays import Flags, Floats
 from lagcli.compiled.selection import Selection
 from lagcli.frozen import frozen
 from lagcli.linear import decompositions, rank
@@ -260,7 +259,7 @@ def _combinations(rows: MetricRows, independent: list[int], rest: list[int]) -> 
     return np.array(factors.solve(gram, ca.densify(ca.mtimes(among, others.T)))).T
 
 
-def redundant(rows: MetricRows) -> npt.NDArray[np.bool_]:
+def redundant(rows: MetricRows) -> Flags:
     """The rows that depend on rows before them; of more rows than are looked at densely none is named."""
     flags = np.zeros(rows.count, dtype=bool)
     if rows.are_independent or rows.is_large or (count := rank.estimate(rows).low) == rows.count:

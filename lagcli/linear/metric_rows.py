@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Flags, Floats
 from lagcli.linear import decompositions
 from lagcli.linear.metric import Metric
 
-Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 Sparse = ca.DM  # a matrix of numbers
 Digits = Callable[["MetricRows", Sequence[int]], int | None]
@@ -122,7 +122,7 @@ class LocalRows:
         np.maximum.at(found, self.row[touching], sizes[self.column[touching]])
         return found
 
-    def are_finite(self) -> npt.NDArray[np.bool_]:
+    def are_finite(self) -> Flags:
         """True where all entries of a row are finite, (C,)."""
         good = np.ones(self.count, dtype=bool)
         good[self.row[~np.isfinite(self.values)]] = False

@@ -7,14 +7,12 @@ a row is scaled nor on units of mass.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.frozen import frozen
 from lagcli.linear import decompositions, metric_rows
 from lagcli.linear.metric_rows import MetricRows
-
-Floats = npt.NDArray[np.float64]
 
 
 class RankParameters:

@@ -11,17 +11,15 @@ from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Complex, Floats
 from lagcli.compiled import NumericSystem
 from lagcli.linear import decompositions, rank
 from lagcli.linearization import spectrum
 from lagcli.linearization.linearized import LinearizedFunctions, Reference
 from lagcli.smoothness.sized_function import SizedFunction
 
-Floats = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 Signature = Callable[[float], Floats]
 
 RTOL, ATOL = 1e-12, 1e-14  # as tight as DOP853 goes: over a period errors grow

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
-from lagcli.arrays import Floats
+from lagcli.arrays import Flags, Floats
 from lagcli.equations import level_functions, operation_rules, system
 from lagcli.equations.system import System
 from lagcli.linear.metric_rows import LocalRows
@@ -72,9 +72,7 @@ class Linear:
     Matrices of SciPy, which loads slowly, are made where they are asked for.
     """
 
-    def __init__(
-        self, matrices: LinearMatrices, residual: Floats, load: Floats, cyclic: npt.NDArray[np.bool_]
-    ) -> None:
+    def __init__(self, matrices: LinearMatrices, residual: Floats, load: Floats, cyclic: Flags) -> None:
         self.matrices = matrices
         self.residual, self.load, self.cyclic = residual, load, cyclic
 

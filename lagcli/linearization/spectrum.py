@@ -13,14 +13,11 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Complex, Floats
 from lagcli.linear import decompositions, rank
 from lagcli.linearization.linearized import Linear
-
-Floats = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 
 # Of the terms of an entry of K, in what is left of them.
 STIFFNESS_ROUNDOFF = 2e-13

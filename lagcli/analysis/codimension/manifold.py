@@ -21,7 +21,6 @@ from lagcli.linear.metric_rows import MetricRows
 from lagcli.linear.surface import Linearized
 from lagcli.start import initial, precise_rows, projection
 
-
 # The first try of a step; by which factor values may be larger than those at the begin.
 STEP, WRITTEN = 0.5, 100.0
 # Of random directions: a fixed one, so that the verdict does not change.

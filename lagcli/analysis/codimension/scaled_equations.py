@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.linear import metric_rows, rank, surface
@@ -20,7 +21,6 @@ from lagcli.linear.metric_rows import LocalRows
 from lagcli.start import initial
 from lagcli.start.initial import State
 
-Floats = npt.NDArray[np.float64]
 Indices = list[int]
 IndexArray = npt.NDArray[np.intp]
 

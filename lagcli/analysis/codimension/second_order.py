@@ -19,15 +19,12 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.analysis.codimension import manifold
 from lagcli.analysis.codimension.scaled_equations import ScaledPart
+from lagcli.arrays import Floats
 from lagcli.linear import rank, surface
-
-Floats = npt.NDArray[np.float64]
-
 
 # The factor by which the weight of the barrier grows; the part of an eigenvalue to which it is known well enough; the
 # fall of the barrier at which Newton's steps end.

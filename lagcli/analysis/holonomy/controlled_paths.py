@@ -15,17 +15,13 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 from numpy.linalg import LinAlgError
 
 from lagcli import doubles
 from lagcli.analysis.holonomy.local_system import LocalPart
-from lagcli.arrays import Floats
+from lagcli.arrays import Floats, Integers
 from lagcli.compiled import dop853_tableau, paths
 from lagcli.linear import decompositions, rank
-
-Numbers = npt.NDArray[np.int64]
-
 
 SCHEME = (dop853_tableau.A[: dop853_tableau.STAGES], dop853_tableau.B)
 
@@ -55,9 +51,9 @@ class Axes:
     """
 
     part: LocalPart
-    chosen: Numbers
-    led: Numbers
-    free: Numbers
+    chosen: Integers
+    led: Integers
+    free: Integers
 
     @cached_property
     def steps(self) -> paths.PathSteps:
@@ -175,7 +171,7 @@ class PathOrbit:
     kernel: Floats
     is_explored: bool
 
-    def lift(self, closed: npt.NDArray[np.int64]) -> Floats | None:
+    def lift(self, closed: Integers) -> Floats | None:
         """The tangent vectors (k + 1, a) with unit components along coordinates `closed` (a,), if they have one."""
         picked = self.tangent[closed]
         sigma = decompositions.singular_values(picked)

@@ -13,15 +13,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles, progress
-from lagcli.arrays import Floats
+from lagcli.arrays import Flags, Floats, Integers
 from lagcli.compiled import NumericSystem, paths
 from lagcli.equations.system import System
 from lagcli.start.initial import State
-
-Numbers = npt.NDArray[np.int64]
 
 LARGEST = 60  # coordinates of a part; what is further away rests
 # Of points beside the start; the same in every run.
@@ -43,8 +40,8 @@ class LocalPart:
     numeric: NumericSystem
     state: State
     row: int
-    rows: Numbers
-    coordinates: Numbers
+    rows: Integers
+    coordinates: Integers
     deadline: float
     _built: dict[tuple[int, ...], paths.PathSteps] = dataclasses.field(default_factory=dict)
 
@@ -131,7 +128,7 @@ class LocalPart:
         return float(np.abs(found).max())
 
     @cached_property
-    def angles(self) -> npt.NDArray[np.bool_]:
+    def angles(self) -> Flags:
         """True for coordinates (k,) that enter the rows as angles: with the period 2 pi and no smaller part of it."""
         random = np.random.default_rng(SEED)
         Z = self.start + 0.3 * random.standard_normal((5, self.k + 1))
@@ -167,7 +164,7 @@ class LocalPart:
         return A
 
     @cached_property
-    def _entries(self) -> tuple[Numbers, Numbers, Numbers]:
+    def _entries(self) -> tuple[Integers, Integers, Integers]:
         """The nonzeros of B in the part, with their rows and columns there."""
         sparsity = self.numeric.rows.sparsity_out(0)
         row, column = (np.array(x, dtype=np.int64) for x in (sparsity.row(), sparsity.get_col()))
@@ -202,7 +199,7 @@ def around(
         coordinates = wider
 
 
-def _pairs(sparsity: object, rows: int) -> Numbers:
+def _pairs(sparsity: object, rows: int) -> Integers:
     """(row, column) of the entries of a matrix, or of a derivative of a stacked matrix with that many rows."""
     row, column = (np.array(x, dtype=np.int64) for x in (sparsity.row(), sparsity.get_col()))  # type: ignore[attr-defined]
     return np.column_stack([row % rows, column]).reshape(-1, 2)

@@ -11,15 +11,11 @@ import dataclasses
 import itertools
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.analysis.holonomy import controlled_paths
-from lagcli.arrays import Flags, Floats
+from lagcli.arrays import Flags, Floats, Integers
 from lagcli.linear import rank
-
-Numbers = npt.NDArray[np.int64]
-
 
 # Lengths of trials, in units of the coordinates.
 HALVES = (1, 2, -1, -2)
@@ -36,7 +32,7 @@ class Goal:
 
     start: Floats
     along: int
-    closed: Numbers
+    closed: Integers
     size: float
     amount: float | None = None
 

@@ -21,7 +21,6 @@ from lagcli.analysis.holonomy.local_system import LocalPart
 from lagcli.analysis.holonomy.loop_words import Goal, LoopWords
 from lagcli.arrays import Floats
 
-
 # In parts of the size of a loop: the least amount worth showing, the farthest that it may reach, and how much its end
 # may change with finer steps, which near a pole do not converge; of the amount they move, what words may miss by.
 CLEAR, FAR, SMOOTH, NEAR_MISS = 0.04, 25.0, 1e-4, 1.5

@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.analysis.holonomy import controlled_paths, loop_words
@@ -19,14 +18,12 @@ from lagcli.analysis.holonomy.controlled_paths import PathOrbit
 from lagcli.analysis.holonomy.local_system import LARGEST, LocalPart, LoopTimeUpError, around
 from lagcli.analysis.holonomy.loop_words import Goal
 from lagcli.analysis.holonomy.witness import LoopTrial, Witness
-from lagcli.arrays import Floats
+from lagcli.arrays import Floats, Integers
 from lagcli.compiled import NumericSystem
 from lagcli.equations.system import System
 from lagcli.linear import independent_rows
 from lagcli.start import assembly, initial, projection
 from lagcli.start.initial import State
-
-Numbers = npt.NDArray[np.int64]
 
 
 class WitnessSearchParameters:
@@ -259,7 +256,7 @@ class _WitnessSearch:
         clearly = 10 * controlled_paths.SEEN
         return lift is not None and bool(abs(self._omega(self.base) @ lift[:, -1]) > clearly)
 
-    def _goals(self, found: PathOrbit, along: int, free: Numbers) -> Iterator[Goal]:
+    def _goals(self, found: PathOrbit, along: int, free: Integers) -> Iterator[Goal]:
         """The coordinates to close besides the free ones; those with the fewest that follow first."""
         missing = found.tangent.shape[1] - free.size - 1
         others = [i for i in range(self.part.k) if i != along and i not in free]
@@ -311,7 +308,7 @@ class _WitnessSearch:
         return [axes for *_, axes in ranked[:4]]
 
 
-def _pivots(rows: Floats, first: int) -> Numbers:
+def _pivots(rows: Floats, first: int) -> Integers:
     """Columns of rows (r, k) that are independent, `first` before all and then the largest, (r,)."""
     if np.linalg.norm(rows[:, first]) < doubles.ZERO:
         return np.zeros(0, dtype=np.int64)

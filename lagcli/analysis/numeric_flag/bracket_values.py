@@ -16,7 +16,6 @@ from decimal import Decimal
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles, progress
 from lagcli.analysis.numeric_flag import evaluation_point, spans
@@ -30,8 +29,6 @@ from lagcli.linear import surface
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import MetricRows
 from lagcli.linear.surface import InDigits
-
-Floats = npt.NDArray[np.float64]
 
 # In doubles.
 ROUGH_ZERO, ROUGH_SURE = Decimal("1e-13"), Decimal("1e-8")

@@ -19,7 +19,6 @@ from lagcli.linear.metric_rows import MetricRows, Sparse
 from lagcli.linear.rank import Rank
 from lagcli.start import initial
 
-
 # A value that vanishes on the orbit is less than this many times its size and how far the point is off.
 OFF = 100.0
 # Of random fields: the same in every run.

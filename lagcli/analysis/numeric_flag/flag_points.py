@@ -13,11 +13,11 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles, progress
 from lagcli.analysis.numeric_flag import spans
 from lagcli.analysis.numeric_flag.evaluation_point import EvaluationPoint
+from lagcli.arrays import Floats
 from lagcli.compiled import row_block
 from lagcli.compiled.row_block import RowBlock
 from lagcli.equations.system import System
@@ -28,7 +28,6 @@ from lagcli.linear.surface import Linearized
 from lagcli.start import initial
 from lagcli.start.initial import State
 
-Floats = npt.NDArray[np.float64]
 Field = Callable[[Floats], Floats | None]
 
 
