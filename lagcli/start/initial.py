@@ -35,7 +35,7 @@ class StartParameters:
     later: float = 1e-2
     """How far points move on in time, as a part of the duration: before other laws come to their ends
     (`test_points_move_on_by_a_hundredth_of_the_duration`)."""
-    fallen: float = 1e-3
+    fallen: float = least
     """An inertia has fallen below this part of that at the start (`test_an_inertia_has_fallen_below_a_thousandth`)."""
 
 
