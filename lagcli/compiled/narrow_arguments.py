@@ -7,8 +7,6 @@ are narrow: values and slopes at the ends of a step, and at one point between, s
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import casadi as ca
 import numpy as np
 
@@ -64,18 +62,8 @@ class NarrowArguments:
     passes: ca.Function
 
 
-class _Kind(NamedTuple):
-    """What is a unit of an argument, and whether its function has a feature where it vanishes."""
-
-    absolute: float
-    relative: float
-    crosses: bool
-
-    def or_smaller(self, other: _Kind) -> _Kind:
-        absolute, relative = min(self.absolute, other.absolute), min(self.relative, other.relative)
-        # That of an argument whose functions are of both kinds is the number.
-        both = (1.0, 0.0) if self.absolute != other.absolute else (absolute, relative)
-        return _Kind(*both, self.crosses or other.crosses)
+# What is a unit of an argument, absolute and relative, and whether its function has a feature where it vanishes.
+_Kind = tuple[float, float, bool]
 
 
 def find(system: System, has_contacts: bool) -> NarrowArguments | None:
@@ -92,18 +80,20 @@ def find(system: System, has_contacts: bool) -> NarrowArguments | None:
     found: dict[int, tuple[ca.SX, _Kind]] = {}
 
     def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
-        row, u, kind = operation_graph.FUNCTIONS.get(op), None, _Kind(0.0, 1.0, True)
+        row, u, kind = operation_graph.FUNCTIONS.get(op), None, (0.0, 1.0, True)
         if switches.is_comparing(op):
             u = switches.comparison(op, parts)
         elif row is not None and row.arguments == 1 and row.far in ("narrow", "exponential"):
-            u, kind = parts[0], _Kind(1.0, 0.0, True)
+            u, kind = parts[0], (1.0, 0.0, True)
         elif op in (ca.OP_DIV, ca.OP_INV) and parts[-1].op() not in _POWERS:  # of which the base is looked at
-            u, kind = parts[-1], _Kind(0.0, 1.0, False)
+            u, kind = parts[-1], (0.0, 1.0, False)
         elif op in _POWERS and parts[1].is_constant():
-            u, kind = parts[0], _Kind(0.0, 1 / max(1.0, abs(float(parts[1]))), False)
+            u, kind = parts[0], (0.0, 1 / max(1.0, abs(float(parts[1]))), False)
         if u is not None:
-            _, known = found.get(u.element_hash(), (u, kind))
-            found[u.element_hash()] = u, known.or_smaller(kind)
+            _, (absolute, relative, crosses) = found.get(u.element_hash(), (u, kind))
+            # The unit of an argument whose functions are of both kinds is that of a number.
+            unit = (absolute, min(relative, kind[1])) if absolute == kind[0] else (1.0, 0.0)
+            found[u.element_hash()] = u, (*unit, crosses or kind[2])
         return result
 
     operation_graph.replayed(value, inputs, visit)

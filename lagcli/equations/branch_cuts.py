@@ -8,7 +8,7 @@ k times this constant, after k turns, is the same law beyond the cut. Elsewhere 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import casadi as ca
 import numpy as np
@@ -42,6 +42,8 @@ class CutParameters:
 
 PARAMETERS = CutParameters()
 SAME, PASSED, JUMPS = range(3)
+# A value with symbols for angles in it, and whether t or q is in it.
+_Opened = tuple[ca.SX, bool]
 
 
 @frozen
@@ -185,27 +187,20 @@ def _opened(f: ca.SX, s: Symbols, p: ca.SX) -> tuple[ca.SX, ca.SX, list[float], 
     periods: list[float] = []
 
     def look(op: int, parts: list[_Opened], expression: operation_graph.Expression) -> _Opened:
-        is_moving = any(part.is_moving for part in parts)
-        if op not in PERIODS or not is_moving:
-            return _Opened(operation_graph.applied(op, [part.value for part in parts]), is_moving)
+        moves = any(part_moves for _, part_moves in parts)
+        if op not in PERIODS or not moves:
+            return operation_graph.applied(op, [value for value, _ in parts]), moves
         values.append(expression())
         periods.append(PERIODS[op])
         symbols.append(ca.SX.sym(f"angle {len(symbols)}"))
-        return _Opened(symbols[-1], True)
+        return symbols[-1], True
 
     def leaf(number: int | None, entry: float) -> _Opened:
-        return _Opened(ca.SX(entry) if number is None else inputs[number][int(entry)], number in (0, 1))
+        return ca.SX(entry) if number is None else inputs[number][int(entry)], number in (0, 1)
 
-    opened = [each.value for each in operation_graph.folded(f, inputs, leaf, look)]
+    opened = [value for value, _ in operation_graph.folded(f, inputs, leaf, look)]
     none = ca.SX(0, 1)
     return ca.vertcat(none, *opened), ca.vertcat(none, *values), periods, ca.vertcat(none, *symbols)
-
-
-class _Opened(NamedTuple):
-    """A value with symbols for angles in it; is_moving: t or q is in it."""
-
-    value: ca.SX
-    is_moving: bool
 
 
 def _verdicts(change: ca.Function, t: float, q: Floats, p: Floats) -> tuple[int, ...]:

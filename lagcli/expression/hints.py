@@ -169,12 +169,6 @@ def vector(count: int) -> str:
     return "commas separate the components: `[1, 0, 0]`" if count == 1 else ""
 
 
-def coordinate_member(name: str, member: str) -> str:
-    """For `theta.dot` and its like."""
-    known = diagnostics.meant("members of coordinates")
-    return known.get(member, "a coordinate is a number and has no components").format(name)
-
-
 _PARTS = "(v?[xyz]|a[xyz]|v|r|a)"
 _PART_AFTER = re.compile(rf"(\w+?)_?{_PARTS}$")
 _PART_BEFORE = re.compile(rf"{_PARTS}_?(\w+)$")

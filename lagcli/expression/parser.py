@@ -70,10 +70,7 @@ class _Parser:
 
     def __init__(self, text: str) -> None:
         self._text = text
-        self._tokens = tokens.tokenize(text)
-        self._kinds = self._tokens.kinds
-        self._texts = self._tokens.texts
-        self._starts = self._tokens.starts
+        self._kinds, self._texts, self._starts = tokens.tokenize(text)
         self._at = 0
         self._depth = 0
 
@@ -128,13 +125,14 @@ class _Parser:
             raise ExpressionError("syntax", message, before.start, before.end, hint)
         return self._sum()
 
-    def _peek(self) -> Token:
-        return self._tokens[self._at]
+    def _peek(self, back: int = 0) -> Token:
+        """The token here, or one before it."""
+        at = self._at - back
+        return Token(self._kinds[at], self._texts[at], self._starts[at])
 
     def _next(self) -> Token:
-        token = self._tokens[self._at]
         self._at += 1
-        return token
+        return self._peek(1)
 
     def _end(self) -> int:
         return self._starts[self._at - 1] + len(self._texts[self._at - 1])
@@ -241,7 +239,7 @@ class _Parser:
         if token.kind == "name":
             return self._named()
         if token.kind == "end":
-            last = self._tokens[self._at - 1]
+            last = self._peek(1)
             message = f"the expression ends after `{last.text}`"
             raise ExpressionError("syntax", message, last.start, last.end)
         if token.kind not in ("number", "(", "["):
@@ -335,7 +333,7 @@ class _Parser:
         self._at += 1
         part = self._next() if self._kinds[self._at] == "name" else None
         if part is None:
-            message = f"a component is missing after `{self._tokens[self._at - 2].text}.`"
+            message = f"a component is missing after `{self._texts[self._at - 2]}.`"
             raise ExpressionError("syntax", message, token.start, token.end, "for example `.x`")
         if self._kinds[self._at] == ".":
             extra, further = self._peek(), self._texts[self._at + 1 : self._at + 2]

@@ -38,18 +38,6 @@ class Token:
         return self.start + len(self.text)
 
 
-@frozen_value
-class Tokens:
-    """All tokens of a text, column by column, with a final one of kind `end`."""
-
-    kinds: list[str]
-    texts: list[str]
-    starts: list[int]
-
-    def __getitem__(self, index: int) -> Token:
-        return Token(self.kinds[index], self.texts[index], self.starts[index])
-
-
 def is_name(text: str) -> bool:
     """True if `text` may be declared as a name."""
     if text.isascii():
@@ -62,8 +50,8 @@ def has_size(number: str) -> bool:
     return re.match("[0.]*[1-9]", number) is not None
 
 
-def tokenize(text: str) -> Tokens:
-    """All tokens of a text. Raises `ExpressionError`."""
+def tokenize(text: str) -> tuple[list[str], list[str], list[int]]:
+    """Kinds, texts and starts of all tokens of a text, with a final one of kind `end`. Raises `ExpressionError`."""
     if len(text) > MAX_LENGTH:
         message = f"the expression is longer than {MAX_LENGTH} characters"
         raise ExpressionError("expression-too-long", message, 0, 1, "use `definitions` for the parts")
@@ -82,7 +70,7 @@ def tokenize(text: str) -> Tokens:
         words = list(itertools.compress(words, is_token))
         starts = [*itertools.compress(starts, is_token), len(text)]
         kinds = list(itertools.compress(kinds, is_token))
-    return Tokens([*kinds, "end"], [*words, ""], starts)
+    return [*kinds, "end"], [*words, ""], starts
 
 
 def called(text: str) -> frozenset[str]:

@@ -149,7 +149,9 @@ class Scope:
                     return _particle_member(node, owner, node.member)
                 if self.names.kind(node.owner) == "coordinate":
                     message = f"the coordinate `{node.owner}` has no component `{node.member}`"
-                    hint = hints.coordinate_member(node.owner, node.member)
+                    meant = diagnostics.meant("members of coordinates")
+                    otherwise = "a coordinate is a number and has no components"
+                    hint = meant.get(node.member, otherwise).format(node.owner)
                     raise ExpressionError("unknown-component", message, node.start, node.end, hint)
                 return evaluate.component(node, owner, node.member, node.owner)
             case tree.Call():
