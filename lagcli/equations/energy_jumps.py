@@ -1,7 +1,7 @@
 """The jumps of potentials, of the Lagrangian and of positions of dependent particles: the force there is an impulse.
 
-`3*sign(p.y)` has no slope anywhere but at p.y = 0, where it is infinite; `atan2` has such a point at its cut. Equations
-of motion (D.24) see slopes only, so that a run would go over the jump as if there were none.
+`3*sign(p.y)` jumps at p.y = 0, `atan2` at its cut. Equations of motion (D.24) see slopes only, so that a run would go
+over the jump as if there were none.
 """
 
 from __future__ import annotations

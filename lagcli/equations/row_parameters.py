@@ -1,5 +1,5 @@
-"""The numbers among the parameters that the start and the rows of a system depend on: what was found out for some
-values holds for others that differ in the rest."""
+"""The parameters that the start and the rows of a system depend on: what was found for some values holds for others
+that differ in the rest."""
 
 from __future__ import annotations
 

@@ -1,8 +1,5 @@
-"""The walk over a tree with any algebra: floats, CasADi or SymPy symbols, or the facts about an expression.
-
-A value is a scalar of the algebra or a vector, a tuple of three scalars. Vector operations are written out
-here once, in terms of the algebra's scalar operations.
-"""
+"""The walk over a tree with any algebra: floats, CasADi or SymPy symbols, or the facts about an expression. A value is
+a scalar or a vector, a tuple of three scalars, whose operations are written out here once."""
 
 from __future__ import annotations
 

@@ -1,8 +1,5 @@
-"""The functions of the language: all that the program knows of one is its row here.
-
-A library that is slow to load is not imported for it: a column holds the name that the function has there, or makes it
-of the library's own, which it is given.
-"""
+"""The functions of the language: all that the program knows of one is its row here. Of a library that is slow to load
+a column holds the name that the function has there, or makes it of the library's own, which it is given."""
 
 from __future__ import annotations
 

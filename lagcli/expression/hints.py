@@ -1,8 +1,5 @@
-"""Hints for notations of other programs, of paper, for numbers with units, and for what an expression may not hold.
-
-Each function returns a sentence, or an empty text where nothing is known; most words with their sentences stand in
-`errors/meant.toml`.
-"""
+"""Hints for notations of other programs, of paper, for numbers with units, and for what an expression may not hold: a
+sentence, or an empty text. Most words with their sentences stand in `errors/meant.toml`."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
 """The nodes of an expression.
 
-Sums and products hold any number of terms, so that a sum of a hundred thousand terms is one node and a tree
-is never deeper than its parentheses. `start` and `end` are offsets in the expression's text.
-Nodes are never changed once made. They are not declared frozen because making a frozen one costs three times
-as much, and that is most of the time in which a long sum is read.
+Sums and products hold any number of terms, so that a tree is never deeper than its parentheses. `start` and `end` are
+offsets in the expression's text. Nodes are never changed once made, and not declared frozen because making a frozen one
+costs three times as much.
 """
 
 from __future__ import annotations

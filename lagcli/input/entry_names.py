@@ -1,7 +1,5 @@
-"""The names in a document and what has them: its names, those of its constraints, and the members of its families.
-
-`for:` and `if:` of an entry become index vectors; there is never a loop over members.
-"""
+"""The names in a document, those of its constraints, and the members of its families: `for:` and `if:` become index
+vectors, without a loop over members."""
 
 from __future__ import annotations
 

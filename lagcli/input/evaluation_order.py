@@ -1,8 +1,5 @@
-"""The order in which definitions and dependent positions are evaluated, each after all that it uses.
-
-A whole family is one step of it, unless its members depend on one another (`p[i]` on `p[i-1]`): those are put in
-order member by member, and a circle among them is an error.
-"""
+"""The order in which definitions and dependent positions are evaluated, each after all that it uses: a whole family at
+once, or member by member where they depend on one another (`p[i]` on `p[i-1]`)."""
 
 from __future__ import annotations
 

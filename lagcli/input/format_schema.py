@@ -1,7 +1,5 @@
-"""The model format as a JSON Schema, for editors: made from the table of keys that the reader itself goes by.
-
-A schema knows shapes: which keys there are, where a list or a text stands. What a formula means is for `lagcli check`.
-"""
+"""The model format as a JSON Schema, for editors: made from the table of keys that the reader itself goes by. It knows
+shapes; what a formula means is for `lagcli check`."""
 
 from __future__ import annotations
 

@@ -1,8 +1,5 @@
-"""Hints for sections and keys that are written otherwise than the format has them.
-
-Most are words of other programs or of paper; some are slips of YAML: a colon without its space, a decimal comma, keys
-that are not indented.
-"""
+"""Hints for sections and keys that are written otherwise than the format has them: words of other programs or of paper,
+and slips of YAML."""
 
 from __future__ import annotations
 

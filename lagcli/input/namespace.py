@@ -1,9 +1,7 @@
 """The namespace of a model: who declared a name, and the facts about what it stands for.
 
-Particles, coordinates, parameters, definitions and outputs share one namespace; functions have their own.
-Facts are found when first asked for, so that a position may use a definition and a definition a position,
-as long as they do not go in a circle. Several entries may bear one base name: `p[1]` and `p[i]` with `i` from 2.
-References with indices, `p[i-1]`, become the numbers of the members they stand for.
+Facts are found when first asked for, so that a position may use a definition and a definition a position, as long as
+they do not go in a circle. Several entries may bear one base name: `p[1]` and `p[i]` with `i` from 2.
 """
 
 from __future__ import annotations

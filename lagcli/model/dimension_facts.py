@@ -1,9 +1,5 @@
 """The dimensions that a model tells: of the left sides f of its rows as powers of a length, and which coordinates are
-angles.
-
-Units are labels, and those of parameters and coordinates are not declared. But terms that are added have one
-dimension: `norm(a) - L` is a length whatever L is. What the expressions leave open is not guessed.
-"""
+angles. Terms that are added have one dimension: `norm(a) - L` is a length whatever L is."""
 
 from __future__ import annotations
 

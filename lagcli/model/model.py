@@ -1,9 +1,7 @@
 """The nouns of a model: what a file declares, checked and with every constant evaluated, but no dynamics yet.
 
-An entry stands for one thing or, as a family, for K of them that share one expression over index vectors; K = 1
-for what is declared alone. Names keep the order of the file; the order of the constraints is the order of the
-multipliers lambda_i. Lengths, masses and times carry whatever units the file labels (`Units`); nothing is
-converted.
+An entry stands for one thing or, as a family, for K of them that share one expression over index vectors. Names keep
+the order of the file; that of the constraints is the order of the multipliers lambda_i. No unit is converted.
 """
 
 from __future__ import annotations
