@@ -47,22 +47,34 @@ def apply(
         field, axis = _COMPONENTS.get(word, (word, None))
         section = _INITIAL.get(field)
         entries = root.get(section or "parameters")
-        base, bracket, _ = owner.partition("[")
         if not word and isinstance(entries, yaml_tree.Mapping) and entries.get(name) is not None:
             root = _with(root, "parameters", _with(entries, name, node))
-        elif section is None or not isinstance(entries, yaml_tree.Mapping):
+            continue
+        if section is None or not isinstance(entries, yaml_tree.Mapping):
             raise OverrideError(_unknown(root, name))
-        elif (
-            bracket
-            and entries.get(owner) is None
-            and base in {key.value.partition("[")[0] for key, _ in entries}
-        ):
+        entry = entries.get(owner)
+        if entry is None:
+            base, bracket, _ = owner.partition("[")
+            if not bracket or base not in {key.value.partition("[")[0] for key, _ in entries}:
+                raise OverrideError(_unknown(root, name))
             # A member of a family that is one entry.
             if axis is not None:
                 _require_scalar(name, node)
             of_members.append(OfMember(name, section, owner, field, axis, node))
-        else:
-            root = _set_field(root, name, (section, owner, field, axis), node)
+            continue
+        if axis is not None:
+            if not isinstance(entry, yaml_tree.Mapping):
+                raise OverrideError(_unknown(root, name))
+            node = _with_component(entry, name, (owner, field, axis), node)
+        elif yaml_tree.is_empty(entry):
+            entry = yaml_tree.Mapping(entry.text, entry.start, entry.end, ())
+        elif section == "coordinates" and isinstance(entry, yaml_tree.Scalar):
+            # `X: 0` is short for `X: {value: 0}`.
+            short = yaml_tree.scalar("value", "--set")
+            entry = yaml_tree.Mapping(entry.text, entry.start, entry.end, ((short, entry),))
+        # What is no mapping is an error of the file, reported where it stands.
+        if isinstance(entry, yaml_tree.Mapping):
+            root = _with(root, section, _with(entries, owner, _with(entry, field, node)))
     return root, tuple(of_members)
 
 
@@ -93,39 +105,21 @@ def _node(label: str, value: object) -> yaml_tree.AnyNode:
     raise OverrideError(f"{label}: a number, an expression or three numbers are needed, not {kind}")
 
 
-def _set_field(
-    root: yaml_tree.Mapping,
-    name: str,
-    path: tuple[str, str, str, int | None],
-    value: yaml_tree.AnyNode,
-) -> yaml_tree.Mapping:
-    section, owner, field, axis = path
-    entries = root.get(section)
-    entry = entries.get(owner) if isinstance(entries, yaml_tree.Mapping) else None
-    if entry is None or not isinstance(entries, yaml_tree.Mapping):
-        raise OverrideError(_unknown(root, name))
-    if axis is not None:
-        if not isinstance(entry, yaml_tree.Mapping):
-            raise OverrideError(_unknown(root, name))
-        old = entry.get(field)
-        if old is None and field == "velocity":
-            zero = yaml_tree.scalar("0", f"--set {name}")
-            old = yaml_tree.Sequence(zero.text, 0, 0, (zero, zero, zero))
-        if not isinstance(old, yaml_tree.Sequence) or len(old.items) != 3:
-            sentence = f"the {field} of `{owner}` is one expression; set `{owner}.{field}` whole"
-            raise OverrideError(f"--set {name}: {sentence}")
-        _require_scalar(name, value)
-        items = tuple(value if i == axis else item for i, item in enumerate(old.items))
-        value = dataclasses.replace(old, items=items)
-    elif yaml_tree.is_empty(entry):
-        entry = yaml_tree.Mapping(entry.text, entry.start, entry.end, ())
-    elif section == "coordinates" and isinstance(entry, yaml_tree.Scalar):
-        # `X: 0` is short for `X: {value: 0}`.
-        short = yaml_tree.scalar("value", "--set")
-        entry = yaml_tree.Mapping(entry.text, entry.start, entry.end, ((short, entry),))
-    if not isinstance(entry, yaml_tree.Mapping):
-        return root  # the entry is no mapping: an error of the file, reported where it stands
-    return _with(root, section, _with(entries, owner, _with(entry, field, value)))
+def _with_component(
+    entry: yaml_tree.Mapping, name: str, path: tuple[str, str, int], value: yaml_tree.AnyNode
+) -> yaml_tree.Sequence:
+    """A vector of an entry with one component changed."""
+    owner, field, axis = path
+    old = entry.get(field)
+    if old is None and field == "velocity":
+        zero = yaml_tree.scalar("0", f"--set {name}")
+        old = yaml_tree.Sequence(zero.text, 0, 0, (zero, zero, zero))
+    if not isinstance(old, yaml_tree.Sequence) or len(old.items) != 3:
+        sentence = f"the {field} of `{owner}` is one expression; set `{owner}.{field}` whole"
+        raise OverrideError(f"--set {name}: {sentence}")
+    _require_scalar(name, value)
+    items = tuple(value if i == axis else item for i, item in enumerate(old.items))
+    return dataclasses.replace(old, items=items)
 
 
 def _require_scalar(name: str, value: yaml_tree.AnyNode) -> None:
