@@ -10,7 +10,6 @@ import functools
 import operator
 from collections.abc import Callable, Sequence
 from decimal import Decimal
-from typing import Any
 
 from lagcli import memory
 from lagcli.compiled.program import Program
@@ -101,7 +100,7 @@ class Changing:
         return along("inv", self) * other
 
 
-Number = Any  # Decimal or Changing
+Number = functions.Number  # Decimal or Changing
 
 
 def moved(x: Sequence[Number], direction: Sequence[Number], tag: int) -> list[Number]:

@@ -6,10 +6,11 @@ from __future__ import annotations
 import functools
 import itertools
 from collections.abc import Callable, Collection
-from typing import Any, Generic, Protocol, TypeAlias, TypeVar
+from typing import Generic, Protocol, TypeAlias, TypeVar
 
 from lagcli.errors import diagnostics
 from lagcli.expression import functions, hints, tree
+from lagcli.expression.functions import Number
 from lagcli.expression.tree import ExpressionError
 
 S = TypeVar("S")
@@ -267,20 +268,17 @@ def unknown_function(node: tree.Call) -> ExpressionError:
     return ExpressionError("unknown-function", message, node.start, end, hint)
 
 
-Computed = Any  # what has the operators of numbers
-
-
 class Operators:
     """The arithmetic of `evaluate.Algebra` by the operators of the scalars."""
 
-    def add(self, node: tree.Node, left: Computed, sign: int, right: Computed) -> Computed:
+    def add(self, node: tree.Node, left: Number, sign: int, right: Number) -> Number:
         return left + right if sign > 0 else left - right
 
-    def negate(self, node: tree.Node, value: Computed) -> Computed:
+    def negate(self, node: tree.Node, value: Number) -> Number:
         return -value
 
-    def multiply(self, node: tree.Node, left: Computed, right: Computed) -> Computed:
+    def multiply(self, node: tree.Node, left: Number, right: Number) -> Number:
         return left * right
 
-    def divide(self, node: tree.Node, left: Computed, right: Computed) -> Computed:
+    def divide(self, node: tree.Node, left: Number, right: Number) -> Number:
         return left / right

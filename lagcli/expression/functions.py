@@ -16,8 +16,8 @@ from lagcli.frozen import frozen
 
 # A function in a library: its name there, or (library, arguments) -> value.
 Meaning = str | Callable[..., object]
-# Of numbers of any kind.
-Computed = Callable[..., Any]
+Number = Any  # of any kind: a float, an array, an expression
+Computed = Callable[..., Number]
 MANY: Final = None  # one argument or more
 
 

@@ -11,20 +11,20 @@ import functools
 import operator
 from collections.abc import Callable
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from lagcli.expression import evaluate as walk
 from lagcli.expression import tree
+from lagcli.expression.functions import Number
 from lagcli.expression.tree import ExpressionError
 
 Integers = int | npt.NDArray[np.int64]
 Truth = bool | npt.NDArray[np.bool_]
 Lookup = Callable[[tree.Name], object]  # an int, a float, an array (K,), or what is no number
 # An `int` or a `Fraction`, or an array (K,) of int64, of objects where a fraction is among them.
-Exact = Any
+Exact = Number
 
 LIMIT = 2**53  # above it not every whole number is a double
 _LARGE, _ZERO = "this is beyond the whole numbers up to 2**53", "this divides by zero"

@@ -12,18 +12,16 @@ import functools
 import math
 import operator
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from lagcli import doubles
+from lagcli.arrays import Floats
 from lagcli.expression import functions
 from lagcli.expression.functions import Function
 
-Array = npt.NDArray[np.float64]
-Range = tuple[Array, Array]
-End = Any  # a number of one kind: a float, an array, an expression
+Range = tuple[Floats, Floats]
+End = functions.Number  # of one kind
 Ends = tuple[End, End]
 Operation = Callable[..., End]
 
@@ -33,7 +31,7 @@ HALF_TURN = math.nextafter(math.pi, 4.0)  # pi itself lies between two doubles
 MOST_POWER = 64  # whole exponents up to this size are powers also of negative numbers
 
 
-def constant(value: float | Array) -> Range:
+def constant(value: float | Floats) -> Range:
     """A number, or (K, 1) of them, as a range of arrays."""
     array = np.asarray(value, dtype=float)
     return array, array
@@ -129,11 +127,11 @@ class ArrayIntervals(Intervals):
         with np.errstate(all="ignore"):
             return super().result(name, *parts)
 
-    def told(self, low: Array, high: Array) -> Range:
+    def told(self, low: Floats, high: Floats) -> Range:
         nothing = np.isnan(low) | np.isnan(high)
         return np.where(nothing, -np.inf, low), np.where(nothing, np.inf, high)
 
-    def call(self, row: Function, *x: Array) -> Array:
+    def call(self, row: Function, *x: Floats) -> Floats:
         return row.array(*x)
 
     def number(self, a: Range) -> float | None:
