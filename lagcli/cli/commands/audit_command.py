@@ -112,25 +112,19 @@ def _print_report(found: Audit, verbose: bool) -> None:
         room = console.width() - sum(widths[:-1]) - 2 * (len(widths) - 1)
         widths[-1] = max(LEAST_WHERE, min(widths[-1], room))
     table = []
-    for number, line in enumerate(lines):
+    notes = ["", *(check.note if verbose or check.name == "momenta" else "" for check in found.checks)]
+    for line, note in zip(lines, notes, strict=True):
         last = textwrap.wrap(line[-1], widths[-1], break_on_hyphens=False) or [""]
         cells = [cell.ljust(width) for cell, width in zip(line[:-1], widths[:-1], strict=True)]
         table.append("  ".join([*cells, last[0]]).rstrip())
         table += [" " * (sum(widths[:-1]) + 2 * len(cells)) + part for part in last[1:]]
-        if (
-            number
-            and found.checks[number - 1].note
-            and (verbose or found.checks[number - 1].name == "momenta")
-        ):
-            for part in found.checks[number - 1].note.split("; "):
-                table += textwrap.wrap(
-                    part, console.width(), initial_indent="    ", subsequent_indent="      "
-                )
+        for part in note.split("; ") if note else ():
+            table += textwrap.wrap(part, console.width(), initial_indent="    ", subsequent_indent="      ")
     print("", *map(diagnostics.printable, table), "", sep="\n")
     for head, faults, others in report.failures:
         console.paragraph(head, "  ")
         for fault in faults:
-            console.paragraph(f"  {fault}", "    ")
+            console.paragraph(f"  {fault}")
         if others:
             print(f"  and {others} others")
     for sentence in report.sentences:

@@ -100,7 +100,7 @@ def check(
             elif loop is not None and not as_json:
                 print()
                 for line in _proof(loop):
-                    console.paragraph(diagnostics.printable(line), "    ")
+                    console.paragraph(diagnostics.printable(line))
             if verbose:
                 exits.print_err(f"{report.path}: checked in {time.perf_counter() - began:.3f} s")
         if as_json:
@@ -131,9 +131,7 @@ def print_report(found: Report, heading: bool) -> None:
                 redundant = ", redundant" if row["redundant"] else ""
                 multiplier = f", multiplier {row['multiplier']}" if row["multiplier"] else ""
                 side = f", {row['at the start']} at the start" if row["at the start"] else ""
-                console.paragraph(
-                    f"{row['constraint']}: {row['verdict']}{redundant}{multiplier}{side}", "    "
-                )
+                console.paragraph(f"{row['constraint']}: {row['verdict']}{redundant}{multiplier}{side}")
         else:
             shown = [name for name in shown if not (are_below and name in FORMULAS)]
             console.table(shown, [[row[name] for name in shown] for row in rows], COLOURS)
@@ -146,14 +144,14 @@ def print_report(found: Report, heading: bool) -> None:
         if below:
             print()
         for line in below:
-            console.paragraph(line, "    ")
+            console.paragraph(line)
         print()
     for part in check_report.parts(found):
         for line in part:
-            console.paragraph(line, "    ")
+            console.paragraph(line)
         if part:
             print()
-    console.paragraph(check_report.start(found), "    ")
+    console.paragraph(check_report.start(found))
     if heading:
         print()
     # A long list of models is read as it comes.

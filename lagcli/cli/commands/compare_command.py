@@ -92,7 +92,7 @@ def compare(
         console.table(lines.headers, lines.rows, COLOURS)
         for sentence in filter(None, (lines.agreement, lines.principles)):
             print()
-            console.paragraph(sentence, "    ")
+            console.paragraph(sentence)
     exits.print_notes(found.notes, quiet)
     if lines.disagreement:
         exits.print_err(f"lagcli: {lines.disagreement}")

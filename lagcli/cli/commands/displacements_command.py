@@ -66,15 +66,12 @@ def _print_report(found: Displacements) -> None:
     console.paragraph(
         f"t = {found.t:.9g}: {console.counted(n, 'coordinate')}, {console.counted(bases.rows, 'row')} of rank"
         f" {bases.rank}; {label} - rank = {n} - {bases.rank} ="
-        f" {console.counted(bases.dimension, 'virtual displacement')}",
-        "    ",
+        f" {console.counted(bases.dimension, 'virtual displacement')}"
     )
     print()
     _table(found)
     print()
-    console.paragraph(
-        f"δ1, δ2, ...: a basis of the virtual displacements (D.9), {METRICS[bases.metric]}", "    "
-    )
+    console.paragraph(f"δ1, δ2, ...: a basis of the virtual displacements (D.9), {METRICS[bases.metric]}")
     if found.contacts.allowed is None or found.allowed_r is None:
         allowed = "allowed: none is told; a note says why"
     elif found.contacts.are_closed:
@@ -89,13 +86,12 @@ def _print_report(found: Displacements) -> None:
         )
     else:
         allowed = "nothing is driven at this instant: the allowed displacements (D.6) are the virtual ones"
-    console.paragraph(allowed, "    ")
+    console.paragraph(allowed)
     console.paragraph(
-        f"|B δr| <= {bases.residual:.1e}, |B dr + b dt| <= {bases.allowed_residual:.1e} for rows of length one",
-        "    ",
+        f"|B δr| <= {bases.residual:.1e}, |B dr + b dt| <= {bases.allowed_residual:.1e} for rows of length one"
     )
     if bases.dimension > MOST_COLUMNS:
-        console.paragraph(f"{bases.dimension - MOST_COLUMNS} more of the basis are given with --json", "    ")
+        console.paragraph(f"{bases.dimension - MOST_COLUMNS} more of the basis are given with --json")
     print()
     if found.contacts.contacts:
         _contacts(found)
@@ -107,7 +103,7 @@ def _print_report(found: Displacements) -> None:
             number = parts.numbers[i]
             names.append(parts.names[i] if number is None else f"x_{number} = {parts.names[i]}")
         more = f" and {len(indices) - MOST_LINES} more" if len(indices) > MOST_LINES else ""
-        console.paragraph(f"{kind}: {', '.join(names) or 'none'}{more}", "    ")
+        console.paragraph(f"{kind}: {', '.join(names) or 'none'}{more}")
     for row, index in list(enumerate(parts.dependent))[:MOST_LINES]:
         terms = [
             (value, f"d{parts.names[i]}") for value, i in zip(parts.T[row], parts.independent, strict=True)
@@ -133,8 +129,7 @@ def _contacts(found: Displacements) -> None:
     print()
     console.paragraph(
         "what closed contacts leave of the virtual displacements: free ones go both ways, one-sided ones open the"
-        " contacts that are named, blocked ones would violate them (G δr >= 0)",
-        "    ",
+        " contacts that are named, blocked ones would violate them (G δr >= 0)"
     )
     several = directions[:MOST_COLUMNS]
     table = [[names[i], *(_entry(one.displacement[i]) for one in several)] for i in range(len(names))]
@@ -191,8 +186,7 @@ def _forces(found: tuple[Internal, ...]) -> None:
         print()
         console.paragraph(
             "forces that are not central do virtual work on a rigid body: the limit of stiff springs does not"
-            " apply to them",
-            "    ",
+            " apply to them"
         )
 
 

@@ -91,10 +91,10 @@ def _print_report(found: StaticReport) -> None:
     console.table(["", found.called, "type", "index", *shown, "residual"], rows, {})
     hidden = len(names) - len(shown)
     if hidden or len(found.points) > MOST_ROWS:
-        console.paragraph("more columns and rows are given with --json and -o FILE", "    ")
+        console.paragraph("more columns and rows are given with --json and -o FILE")
     count, starts = console.counted(len(found.points), "point"), console.counted(found.starts, "start")
     proved = "; it is proved that there are no others" if found.complete else "; there may be others"
-    console.paragraph(f"{count} from {starts}{proved}", "    ")
+    console.paragraph(f"{count} from {starts}{proved}")
 
 
 def _entry(value: float) -> str:

@@ -75,7 +75,7 @@ def limit(
             headers += ["mean without swings"] if is_weighted else []
             console.table([*headers, "tolerance", "steps"], rows, {})
             print()
-        console.paragraph(sentence(found), "    ")
+        console.paragraph(sentence(found))
     ended = (f"the ladder ends there: {found.ended}",) if found.ended else ()
     exits.print_notes((*found.notes, *ended), quiet)
     if found.stopped:

@@ -89,13 +89,13 @@ def _print_report(found: Modes) -> None:
         count = max(len(found.shapes), 0 if found.multipliers is None else len(found.multipliers))
         print()
         if count > MOST_MODES:
-            console.paragraph(f"{count - MOST_MODES} more are given with --json", "    ")
-    console.paragraph(f"{VERDICTS[found.stable]}: {found.reason}", "    ")
+            console.paragraph(f"{count - MOST_MODES} more are given with --json")
+    console.paragraph(f"{VERDICTS[found.stable]}: {found.reason}")
     size = max((abs(value) for value in found.at.values()), default=0.0)
     state = {name: value if abs(value) > doubles.VALUE * size else 0.0 for name, value in found.at.items()}
     named = [f"{name} = {value:.6g}" for name, value in state.items()]
     more = f" and {len(named) - MOST_COORDINATES} more" if len(named) > MOST_COORDINATES else ""
-    console.paragraph(f"linearized at {', '.join(named[:MOST_COORDINATES])}{more}", "    ")
+    console.paragraph(f"linearized at {', '.join(named[:MOST_COORDINATES])}{more}")
 
 
 def _table(found: Modes) -> tuple[list[str], list[list[str]]]:

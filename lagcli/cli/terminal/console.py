@@ -95,7 +95,7 @@ def fits(headers: Sequence[str], rows: Rows) -> bool:
     return console.measure(_table(headers, rows, {}), options=roomy).maximum <= width()
 
 
-def paragraph(text: str, indent: str) -> None:
+def paragraph(text: str, indent: str = "    ") -> None:
     """Sentences on stdout, folded between words on a terminal; `indent` goes before all lines but the first."""
     plain = diagnostics.printable(text)
     if sys.stdout.isatty():
