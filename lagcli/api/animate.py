@@ -39,20 +39,13 @@ LARGEST = 0.6  # of an angle, and of a coordinate that moves nothing
 MOST_MODES = 60  # as many as `modes` prints
 
 
-def of_model(model: Model | Path, settings: Mapping[str, object]) -> Scene:
-    """The scene of a run of a model; settings: keywords of `simulate`, which raises too; `builder.NothingToShow`."""
-    model = as_model(model)
-    require_few(model)
-    return of_run(model, dict(simulate.simulate(model, **settings)))  # type: ignore[arg-type]
-
-
-def as_far(model: Model, settings: Mapping[str, object], row: str | None) -> tuple[Scene, str]:
+def as_far(model: Model | Path, settings: Mapping[str, object], row: str | None = None) -> tuple[Scene, str]:
     """The scene of a run as far as it goes, and why it stopped before its end, or nothing.
 
-    settings, row: as of `run_settings.of_options`, which raises `BadRequest`; otherwise as `of_model`, with
-    `SimulationStopped` for a run without a row alone.
+    settings, row: as of `run_settings.of_options`, which raises `BadRequest`. Raises `builder.NothingToShow`, and what
+    `simulate` raises, with `SimulationStopped` for a run without a row alone.
     """
-    model = run_settings.of_options(model, settings, row)
+    model = run_settings.of_options(as_model(model), settings, row)
     require_few(model)
     run, reason = simulate.as_far(model)
     if not len(run.rows):

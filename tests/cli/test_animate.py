@@ -179,7 +179,7 @@ def test_mp4_is_written_where_ffmpeg_is(tmp_path: pathlib.Path) -> None:
 
 
 def test_a_film_has_trails_of_few_particles_that_move() -> None:
-    scene = animate.of_model(MODELS / "double-pendulum.yaml", {"samples": 51})
+    scene = animate.as_far(MODELS / "double-pendulum.yaml", {"samples": 51})[0]
     drawing = film._Drawing(scene)
     assert len(drawing._trails) == 2
     drawing.show(30)
@@ -203,7 +203,7 @@ particles: {a: {mass: 1, position: [0, 0.3, 0], velocity: [0.3, 0.1, -0.11]}}
 holonomic: {wave: a.z = 0.1*sin(3*a.x - 2*t)}
 simulation: {duration: 1, samples: 5}
 """
-    scene = animate.of_model(lagcli.loads(text), {})
+    scene = animate.as_far(lagcli.loads(text), {})[0]
     (net,) = scene.surfaces
     for frame in (0, 3):
         places = nets.strings(net.corners_at(frame))

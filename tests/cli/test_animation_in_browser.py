@@ -43,7 +43,7 @@ def browser() -> Iterator[Browser]:
 @pytest.fixture(scope="module")
 def pendulum(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
     path = tmp_path_factory.mktemp("pages") / "pendulum.html"
-    page.write(path, animate.of_model(MODELS / "double-pendulum.yaml", {"samples": 201}))
+    page.write(path, animate.as_far(MODELS / "double-pendulum.yaml", {"samples": 201})[0])
     return path
 
 
@@ -175,7 +175,7 @@ def test_models_of_all_kinds_run_without_an_error(
     browser: Browser, name: str, tmp_path: pathlib.Path
 ) -> None:
     path = tmp_path / "page.html"
-    page.write(path, animate.of_model(MODELS / f"{name}.yaml", {"samples": 21}))
+    page.write(path, animate.as_far(MODELS / f"{name}.yaml", {"samples": 21})[0])
     shown = opened(browser, path)
     for row in (0, 10, 20):
         shown.value(f"animation.seek(animation.times[{row}])")
@@ -196,7 +196,7 @@ holonomic:
   row: {row}
 simulation: {{duration: 1, samples: 11}}
 """
-    scene, path = animate.of_model(lagcli.loads(text), {}), tmp_path / "page.html"
+    scene, path = animate.as_far(lagcli.loads(text), {})[0], tmp_path / "page.html"
     (drawn,) = scene.surfaces
     page.write(path, scene)
     shown = opened(browser, path)

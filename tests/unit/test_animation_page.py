@@ -61,7 +61,7 @@ forces: {{weight: {{to: all, force: [0, 0, -9.81*m]}}}}
 holonomic: {{rod: norm(a) = 1}}
 simulation: {{duration: 1, samples: 11}}
 """
-    return animate.of_model(lagcli.loads(text), {})
+    return animate.as_far(lagcli.loads(text), {})[0]
 
 
 @pytest.mark.parametrize("title", HOSTILE)
@@ -153,7 +153,7 @@ forces: {weight: {to: all, force: [0, 0, -9.81*m*L/T**2]}}
 holonomic: {rod: norm(a) = L}
 simulation: {start: 1e9*T, duration: T, samples: 11}
 """
-    scene = animate.of_model(lagcli.loads(text), {})
+    scene = animate.as_far(lagcli.loads(text), {})[0]
     found = Tags(page.text(scene)).texts["script"]
     data = json.loads(found[0])
     numbers = np.frombuffer(base64.b64decode(found[1]), dtype="<f4").astype(float)
@@ -182,7 +182,7 @@ simulation: {{duration: 10, samples: 1001}}
 
 
 def many(count: int, **settings: object) -> Scene:
-    return animate.of_model(lagcli.loads(MANY.format(count=count)), settings | {"rtol": 1e-6, "atol": 1e-6})
+    return animate.as_far(lagcli.loads(MANY.format(count=count)), settings | {"rtol": 1e-6, "atol": 1e-6})[0]
 
 
 def test_a_hundred_particles_for_ten_seconds_are_below_two_megabytes() -> None:
@@ -202,7 +202,7 @@ def test_a_thousand_particles_leave_forces_out_and_say_so() -> None:
 
 
 def test_the_still_is_a_drawing_with_all_parts() -> None:
-    scene = animate.of_model(MODELS / "double-pendulum.yaml", {"samples": 5})
+    scene = animate.as_far(MODELS / "double-pendulum.yaml", {"samples": 5})[0]
     drawn = page.svg(scene)
     found = Tags(drawn)
     names = [tag for tag, _ in found.tags]

@@ -20,11 +20,11 @@ MODELS = pathlib.Path(__file__).resolve().parents[2] / "models"
 
 
 def scene_of(text: str, **settings: object) -> Scene:
-    return animate.of_model(lagcli.loads("lagcli: 1\n" + text), settings)
+    return animate.as_far(lagcli.loads("lagcli: 1\n" + text), settings)[0]
 
 
 def gallery(name: str, **settings: object) -> Scene:
-    return animate.of_model(MODELS / f"{name}.yaml", settings)
+    return animate.as_far(MODELS / f"{name}.yaml", settings)[0]
 
 
 def surface(scene: Scene, kind: str) -> DrawnSurface:
@@ -560,7 +560,7 @@ def test_coordinates_without_particles_are_positions_or_beads() -> None:
 def test_a_model_of_too_many_particles_is_refused() -> None:
     text = "lagcli: 1\nparticles:\n  p[i]: {for: 'i = 1..5001', mass: 1, position: '[i, 0, 0]'}"
     with pytest.raises(builder.NothingToShow, match="5001 particles"):
-        animate.of_model(lagcli.loads(text), {})
+        animate.as_far(lagcli.loads(text), {})[0]
 
 
 def shapes_of(name: str) -> tuple[Model, Scene]:
