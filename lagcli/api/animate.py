@@ -20,7 +20,6 @@ from lagcli.output.animation import builder, links, page, scene
 from lagcli.output.animation.builder import Motion, NothingToShow, PointTracks
 from lagcli.output.animation.scene import Mode, Scene
 from lagcli.output.figures import labels
-from lagcli.running import table_columns
 from lagcli.running.trajectory import SimulationStopped
 
 Table = Mapping[str, Floats]
@@ -173,7 +172,7 @@ def _scene(
 
 def forces(model: Model, table: Table) -> Floats | None:
     """F_k on all particles (T, N, 3), of forces and potentials; None where the table lacks a state."""
-    names, rates = model.coordinate_names, table_columns.rate_names(model)
+    names, rates = model.coordinate_names, model.rate_names
     if not all(name in table for name in (*names, *rates)):
         return None
     t = table["t"]

@@ -19,7 +19,7 @@ from lagcli.model.settings import Simulation
 from lagcli.running.simulation_run import SimulationRun
 from lagcli.simulation import run_entry
 from lagcli.simulation.run_state import checkpoint as checkpoints
-from lagcli.start import consistent_start, initial
+from lagcli.start import initial
 
 
 @progress.phase("preparing the run")
@@ -115,7 +115,6 @@ def resume(model: Model, chosen: Simulation, point: checkpoints.Checkpoint) -> S
 
 def moves_of(run: SimulationRun) -> tuple[str, ...]:
     """Sentences on how far the start of a run was moved onto its rows; none where it was not."""
-    if run.assembly is None:
+    if run.moves is None or not (run.moves.positions or run.moves.velocities):
         return ()
-    moved = consistent_start.moves(run.model, run.assembly)
-    return tuple(moved.lines(run.model.units)) if moved.positions or moved.velocities else ()
+    return tuple(run.moves.lines(run.model.units))

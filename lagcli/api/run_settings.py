@@ -138,7 +138,6 @@ def at_row(model: Model, text: str) -> Model:
     Raises `NoSuchRow`, and what `table_format.opened` raises; the messages name the file.
     """
     from lagcli.output.tables import table_format
-    from lagcli.running import table_columns
 
     path, row, given = text, -1, _ROW.fullmatch(text)
     # A drive letter is no file.
@@ -146,7 +145,7 @@ def at_row(model: Model, text: str) -> Model:
         path, row = given[1], int(given[2])
     table = table_format.opened(path)
     names = model.coordinate_names
-    rates = table_columns.rate_names(model)
+    rates = model.rate_names
     known = set(table.columns)
     missing = [name for name in names if name not in known]
     if missing:

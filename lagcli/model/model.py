@@ -385,6 +385,12 @@ class Model:
         return (*(f"{name}.{axis}" for name in cartesian for axis in "xyz"), *self.generalized_names)
 
     @property
+    def rate_names(self) -> tuple[str, ...]:
+        """The columns of the velocities v, in the order of the coordinates."""
+        generalized = set(self.generalized_names)
+        return tuple(f"rate({n})" if n in generalized else f"{n[:-1]}v{n[-1]}" for n in self.coordinate_names)
+
+    @property
     def state_columns(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """The columns of tables that hold positions and coordinates, and those of velocities and rates."""
         particles, generalized = self.particle_names, self.generalized_names

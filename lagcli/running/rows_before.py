@@ -50,7 +50,7 @@ def before(ready: SimulationRun, resume: str, plan: TablePlan) -> RowsBefore | N
             f"{option_text}: {with_them} writes rows of --event-rows into it, and {without} none; {instead}"
         )
     state, end = point.run_state, ready.grid.end
-    t_end, reached = state.origin + state.row, state.origin + state.t
+    t_end, reached = point.t_end, state.origin + state.t
     if t_end > end and not ready.grid.is_rounding(t_end - end, end):
         raise BadRequest(
             f"{option_text}: the run before wrote {plan.noun} up to t = {t_end:.9g} into it, and this one ends at"
@@ -110,7 +110,7 @@ def _difference(ready: SimulationRun, resume: str, plan: TablePlan) -> str:
     point, written = ready.resumed, record(ready, resume, plan)
     if point is None or written is None:
         return "the run before did not write it"
-    end, t_end = ready.grid.end, point.run_state.origin + point.run_state.row
+    end, t_end = ready.grid.end, point.t_end
     if t_end != end and not ready.grid.is_rounding(t_end - end, end):
         return f"the run before ended at t = {t_end:.9g}"
     if (written.step, written.has_event_rows) != (plan.step, plan.has_event_rows):
@@ -143,8 +143,7 @@ def elsewhere(point: Checkpoint, resume: str, noun: str) -> str:
     path = row_file.path_of(table)
     if not path.is_file():
         return ""
-    t = point.run_state.origin + point.run_state.row
     return (
-        f"the {record.count} {noun} up to t = {t:.9g} of the run before are in {path}; `{option} {table}` writes one"
-        " table of all"
+        f"the {record.count} {noun} up to t = {point.t_end:.9g} of the run before are in {path};"
+        f" `{option} {table}` writes one table of all"
     )

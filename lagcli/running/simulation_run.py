@@ -28,6 +28,7 @@ from lagcli.start import consistent_start, lipschitz
 if TYPE_CHECKING:
     from lagcli.analysis.examined_start import ExaminedStart
     from lagcli.simulation.error_estimate import Accuracy
+    from lagcli.start.consistent_start import Moves
 
 
 class SimulationRun:
@@ -59,10 +60,7 @@ class SimulationRun:
         self.incidents: list[Incident] = []
         self._has_event_rows = False
         # The account covers the whole run: rows that were handed out before it was resumed too.
-        self.outcome = Outcome()
-        if self.resumed is not None:
-            state = self.resumed.run_state
-            self.outcome = Outcome(self._run.handed_out, state.origin + state.row)
+        self.outcome = Outcome() if resumed is None else Outcome(run.handed_out, resumed.t_end)
 
     @functools.cached_property
     def warnings(self) -> tuple[diagnostics.Diagnostic, ...]:
@@ -71,6 +69,11 @@ class SimulationRun:
         if self.resumed is not None:
             return read
         return (*read, *lipschitz.warnings(self.built, self.numeric, self.begin))
+
+    @property
+    def moves(self) -> Moves | None:
+        """What assembly changed in the start, where it was asked for."""
+        return None if self.assembly is None else consistent_start.moves(self.model, self.assembly)
 
     @property
     def report(self) -> RunReport:
@@ -210,7 +213,7 @@ class SimulationRun:
             self.outcome.t_end,
             provenance.of(self.model),
             self._known(report.accuracy),
-            None if self.assembly is None else consistent_start.moves(self.model, self.assembly),
+            self.moves,
             chosen.rtol,
             chosen.atol,
             tally.impacts,

@@ -19,12 +19,6 @@ FORCE_ROUNDOFF = 1e-13
 STATES = 8  # of each block of rows, at which forces and inertia are looked at
 
 
-def rate_names(model: Model) -> list[str]:
-    """The columns of the velocities v, in the order of the coordinates."""
-    generalized = set(model.generalized_names)
-    return [f"rate({n})" if n in generalized else f"{n[:-1]}v{n[-1]}" for n in model.coordinate_names]
-
-
 class States:
     """The indices of t, q and v in the rows of a table with all `columns` of a model."""
 
@@ -32,7 +26,7 @@ class States:
         indices = {name: i for i, name in enumerate(columns)}
         self._t = indices["t"]
         self._q = [indices[name] for name in model.coordinate_names]
-        self._v = [indices[name] for name in rate_names(model)]
+        self._v = [indices[name] for name in model.rate_names]
 
     def __call__(self, rows: Floats) -> tuple[Floats, Floats, Floats]:
         """t (k,), q (k, n) and v (k, n) of rows (k, columns)."""
@@ -66,7 +60,7 @@ class Floors:
         names = model.coordinate_names
         own = set(names)
         self._R = [indices[f"R.{name}"] for name in names]
-        self._v = [indices[name] for name in rate_names(model)]
+        self._v = [indices[name] for name in model.rate_names]
         dependent = [(k, n) for k, n in enumerate(model.particle_names) if f"{n}.x" not in own]
         self._dependent = [(k, indices[f"R.{name}.{axis}"]) for k, name in dependent for axis in "xyz"]
         self._masses = np.concatenate([np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)])

@@ -124,13 +124,12 @@ class WrittenRun:
                     raise BadRequest(f"--resume {resume}: {error}; {reason}") from None
                 self._is_over = True
                 return None, None
-        t_end = run.resumed.run_state.origin + run.resumed.run_state.row
         for plan in plans:
             is_known = found[plan.option] is None and rows_before.record(run, resume, plan) is not None
             if is_known and plan.path.is_file():
                 raise BadRequest(
                     f"{plan.option} {plan.file}: that is the table of the run before, and a resumed run has only the"
-                    f" {plan.noun} after t = {t_end:.9g}: give another file, or move that one away"
+                    f" {plan.noun} after t = {run.resumed.t_end:.9g}: give another file, or move that one away"
                 )
         return found.get("--output"), found.get("--events")
 
@@ -157,18 +156,16 @@ class WrittenRun:
                     )
                 elif lost := rows_before.elsewhere(run.resumed, request.resume, noun):
                     yield f"note: {lost}"
-            state = run.resumed.run_state
+            reported = run.resumed.run_state.reported
             is_drawn = self._first is not None and self._happened is None and request.plot is not None
-            if is_drawn and state.reported.incidents:
-                t = max(state.origin + state.row, state.reported.last or -math.inf)
+            if is_drawn and reported.incidents:
+                t = max(run.resumed.t_end, reported.last or -math.inf)
                 yield (
                     f"note: marks of incidents in {request.plot} begin after t = {t:.9g}: those before are in no file"
                     " that goes on"
                 )
-        if run.assembly is not None:
-            from lagcli.start import consistent_start
-
-            yield from consistent_start.moves(model, run.assembly).lines(model.units)
+        if run.moves is not None:
+            yield from run.moves.lines(model.units)
         size = 8 * run.grid.count * len(self._names)
         if self._table is not None and size > LARGE:
             yield (

@@ -137,14 +137,12 @@ class Moves:
 
 def moves(model: nouns.Model, found: Assembly) -> Moves:
     """The changes from the declared start to the assembled one."""
-    names, kinds = model.coordinate_names, set(model.generalized_names)
-    rates = [f"rate({n})" if n in kinds else f"{n[:-1]}v{n[-1]}" for n in names]
     before, after = found.declared, found.state
     return Moves(
         found.moved,
         found.moved_velocity,
-        tuple(_changed(names, before.q, after.q)),
-        tuple(_changed(rates, before.v, after.v)),
+        tuple(_changed(model.coordinate_names, before.q, after.q)),
+        tuple(_changed(model.rate_names, before.v, after.v)),
     )
 
 

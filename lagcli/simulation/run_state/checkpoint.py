@@ -69,6 +69,11 @@ class Checkpoint:
     table: CheckpointTable | None = None
     events: CheckpointTable | None = None
 
+    @property
+    def t_end(self) -> float:
+        """The time of the last row before it."""
+        return self.run_state.origin + self.run_state.row
+
 
 def identity(model: Model) -> Identity:
     """The identity of a run of a model with its settings."""
