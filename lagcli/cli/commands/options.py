@@ -63,14 +63,14 @@ def command(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., Non
         )
 
         @functools.wraps(function)
-        def called(*, debug: bool, **given: Any) -> None:
+        def called(*, debug: bool, **given: object) -> None:
             if "run_settings" in hints:
                 chosen = {name: given.pop(name) for name in rows}
                 # A flag that is not set is no `assemble: false`.
                 given["run_settings"] = {n: None if value is False else value for n, value in chosen.items()}
             code = exits.BUG
             try:
-                with status_line.showing(given.get("quiet", False)):
+                with status_line.showing(bool(given.get("quiet"))):
                     code = exits.guarded(lambda: function(**given), debug)
             finally:
                 if code != exits.DONE:  # one that ends well has moved or removed its files aside
