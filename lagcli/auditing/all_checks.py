@@ -86,7 +86,7 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
 
     Raises `table_input.TableError` where columns are missing or times do not increase.
     """
-    laws = _laws(model, tolerance)
+    laws = ModelLaws(model, tolerance.jumps)
     is_smooth = not (model.inequality or model.events)
     incidents = None if table.events is None else table_input.incidents(laws, table.events)
     known = set(table_input.wanted(laws, table.columns))
@@ -152,12 +152,7 @@ def _digits(columns: Sequence[str], rows: Array, t: Array | None = None) -> Writ
 
 def wanted(model: nouns.Model, columns: Sequence[str]) -> tuple[str, ...]:
     """The columns that an audit reads of those of a table. Raises `table_input.TableError` with what is missing."""
-    return table_input.wanted(_laws(model), columns)
-
-
-def _laws(model: nouns.Model, tolerance: Tolerance | None = None) -> ModelLaws:
-    """The laws of a model with all its inequalities as rows."""
-    return ModelLaws(model, tolerance.jumps if tolerance else {}, range(len(model.contact_names)))
+    return table_input.wanted(ModelLaws(model), columns)
 
 
 class _Judged(NamedTuple):

@@ -34,7 +34,7 @@ def is_table(columns: Sequence[str]) -> bool:
 
 def wanted(model: nouns.Model, columns: Sequence[str]) -> tuple[str, ...]:
     """The columns that are read. Raises `table_input.TableError` with what is missing."""
-    names = table_input.names(_laws(model))
+    names = table_input.names(ModelLaws(model))
     needed = (*names.q, *names.x, *names.lam, *names.R_q, *names.R_x)
     missing = [name for name in needed if name not in set(columns)]
     if missing:
@@ -44,7 +44,7 @@ def wanted(model: nouns.Model, columns: Sequence[str]) -> tuple[str, ...]:
 
 def audit(model: nouns.Model, columns: Sequence[str], rows: Array, unread: Sequence[str] = ()) -> Audit:
     """The audit of points (T, columns). Raises `table_input.TableError`."""
-    laws = _laws(model)
+    laws = ModelLaws(model)
     wanted(model, columns)
     if not len(rows):
         raise table_input.TableError("the table has no rows")
@@ -112,10 +112,6 @@ def audit(model: nouns.Model, columns: Sequence[str], rows: Array, unread: Seque
         unread=tuple(unread),
         of_rest=True,
     )
-
-
-def _laws(model: nouns.Model) -> ModelLaws:
-    return ModelLaws(model, closed=range(len(model.contact_names)))
 
 
 class _Point(NamedTuple):

@@ -75,6 +75,11 @@ def gallery(name: str, **options: object) -> derivation.Derivation:
     return lagcli.derive(lagcli.load(MODELS / f"{name}.yaml"), **options)
 
 
+def values_of(system: symbolic_system.Symbolic) -> dict[sympy.Symbol, float]:
+    """The numbers of parameters, and of the constants of rigid bodies."""
+    return system.table.parameter_values | system.table.body_constants
+
+
 def symbols(names: str) -> list[sympy.Symbol]:
     return [sympy.Symbol(name, real=True) for name in names.split()]
 
@@ -254,7 +259,7 @@ def test_derived_equations_have_the_numbers_of_the_compiled_system(name: str) ->
     random, n = np.random.default_rng(7), len(system.q)
     q, v = (start + 0.1 * random.normal(size=n) for start in compiled_system.start(model))
     p, t = compiled_system.parameter_values(model, ready.system.bodies), 0.3
-    at = dict(zip((TIME, *system.q, *system.v), (t, *q, *v), strict=True)) | system.values
+    at = dict(zip((TIME, *system.q, *system.v), (t, *q, *v), strict=True)) | values_of(system)
     numeric = ready.numeric
     M, (h, gamma, _) = numeric.inertia(t, q, v, p), numeric.force(t, q, v, p)
     B, b = numeric.rows(t, q, v, p)
@@ -291,7 +296,7 @@ def test_closed_forms_have_the_numbers_of_a_run(name: str) -> None:
     run = lagcli.simulate(model, duration=0.4, samples=3)
     values = _solved(page).values
     assert len(values) == len(page.system.rows)
-    at = {TIME: run.t[-1]} | page.system.values
+    at = {TIME: run.t[-1]} | values_of(page.system)
     for q, v, name_ in zip(page.system.q, page.system.v, page.system.names, strict=True):
         particle, _, axis = name_.rpartition(".")
         at |= {q: run[name_][-1], v: run[f"{particle}.v{axis}" if particle else f"rate({name_})"][-1]}

@@ -76,7 +76,7 @@ def numbers(text: str) -> dict[str, np.ndarray]:
     page = lagcli.derive(model)
     system = page.system.closed(point.closed)
     found = linear_section.matrices(system, point)
-    put: dict[sympy.Symbol, float] = dict(page.system.values)
+    put: dict[sympy.Symbol, float] = dict(page.system.table.parameter_values)
     for letters, values in zip((system.q, system.v, system.a, system.lam), point.numbers, strict=True):
         put |= dict(zip(letters, values, strict=True))
     n, rows = len(system.q), len(system.rows)

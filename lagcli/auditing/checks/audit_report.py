@@ -39,7 +39,6 @@ class TableLocation:
 
     @property
     def ratio(self) -> float:
-        """The value as a part of its limit."""
         if self.limit == 0:
             return np.inf if self.value else 0.0
         return self.value / self.limit
@@ -158,7 +157,6 @@ class Audit:
         return {check.name: check for check in reversed(self.checks)}[name]
 
     def as_json(self) -> dict[str, Any]:
-        """The object of `lagcli audit --json`."""
         names = "title", "path", "passed", "conclusion", "complete", "rows", "start", "end", "rtol", "atol"
         return {
             **{name: getattr(self, name) for name in names},

@@ -46,7 +46,6 @@ class Flights:
     left: Array
 
     def part(self, k: Array) -> Flights:
-        """Some of the flights."""
         others = (self.closed, self.is_known, self.has_rebounds, self.left)
         return Flights(self.begin.part(k), self.end.part(k), *(part[k] for part in others))
 

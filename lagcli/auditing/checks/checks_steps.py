@@ -57,10 +57,9 @@ class Quantity:
 
 
 class TableSteps:
-    """The T - 1 steps of the times t (T,) and the polynomials through rows around each."""
+    """The T - 1 steps of the times t (T,), known to `clock`, and the polynomials through rows around each."""
 
     def __init__(self, t: Array, clock: float = 0.0) -> None:
-        """clock: how well the times are known."""
         self.t, self.h, self.clock = t, np.diff(t), clock
         self.orders = [m for m in ORDERS if len(t) >= m + LEAST]
 

@@ -79,7 +79,6 @@ class AutodiffGraph:
         return self._leaves[key]
 
     def node(self, result: Array, links: Sequence[Edge]) -> GraphNode:
-        """The result of an operation."""
         added = GraphNode(self, len(self.nodes), result, tuple(links))
         self.nodes.append(added)
         return added

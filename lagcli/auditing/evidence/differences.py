@@ -49,15 +49,13 @@ class Estimate:
 
     @property
     def bound(self) -> Array:
-        """The sum of both."""
         return self.noise + self.truncation
 
 
 class DifferenceGrid:
-    """The T times of a table, strictly increasing."""
+    """The T times of a table, strictly increasing; clock: how well they are known, by default to their rounding."""
 
     def __init__(self, t: Array, clock: float | None = None) -> None:
-        """clock: how well the times are known, their rounding where nothing is said."""
         self.t = t
         self.clock = CLOCK * float(np.abs(t).max(initial=0.0)) if clock is None else clock
         self._steps = np.diff(t)

@@ -76,33 +76,30 @@ class LawValues:
         return np.asarray(force)
 
 
-NOTHING: Mapping[int, tuple[float, ...]] = {}
-
-
 class ModelLaws:
     """The laws of a model, ready to be evaluated at any rows. jumps: those of `tolerances.Tolerance`; closed: numbers
-    of inequalities that hold as equations g = 0, in their order, which stand after the other holonomic rows."""
+    of inequalities that hold as equations g = 0, all where none are given; they stand after the holonomic rows."""
 
     def __init__(
         self,
         model: nouns.Model,
-        jumps: Mapping[int, tuple[float, ...]] = NOTHING,
-        closed: Sequence[int] = (),
+        jumps: Mapping[int, tuple[float, ...]] | None = None,
+        closed: Sequence[int] | None = None,
     ) -> None:
-        self.model, self.index = model, ModelIndex(model)
+        self.model, self.index, self.contacts = model, ModelIndex(model), model.contact_names
+        closed = range(len(self.contacts)) if closed is None else closed
         self._bodies = model_values.geometries(self.index) if model.rigid else ()
         self.holonomic = [name for law in model.holonomic for name in law.rows]
         for body, geometry in zip(model.rigid, self._bodies, strict=True):
             count = len(geometry.pairs) + 3 * len(geometry.further)
             self.holonomic += [f"{body.name}.{i}" for i in range(1, count + 1)]
-        self.contacts = model.contact_names
         self.holonomic += [self.contacts[j] for j in closed]
         self._closed = list(model_values.members(model.inequality, np.array(closed, dtype=np.int64)))
         self.rows = (*self.holonomic, *(name for law in model.differential for name in law.rows))
         self.s, self.C = len(self.holonomic), len(self.rows)
         self.of_contacts = slice(self.s - len(self.contacts), self.s)
         self._pattern: Array | None = None
-        self._jumps = jumps
+        self._jumps = jumps or {}
 
     def values(self, t: Array, q: Array, v: Array, lam: Array) -> LawValues:
         """Everything at T rows: t (T,), q and v (T, n), lam (T, C)."""
@@ -211,7 +208,6 @@ class ModelLaws:
         return true, ModelOnTable(self.index, t, q, v, (x, u))
 
     def _rows(self, on_table: ModelOnTable) -> tuple[RowValues, RowValues]:
-        """The holonomic and the differential rows."""
         return model_values.build(on_table, self._bodies, self._closed)
 
     def _values(self, t: Array, q: Array, v: Array, lam: Array) -> LawValues:
@@ -286,7 +282,6 @@ class ModelLaws:
                 yield algebra.negate(SPOT, algebra.multiply(SPOT, part, position)), targets.size
 
     def _lagrangian(self, on_table: ModelOnTable) -> list[Scalar]:
-        """The `lagrangian`, if there is one."""
         declared = self.model.lagrangian
         return [] if declared is None else [evaluate.scalar(declared.tree, on_table.algebra())]
 

@@ -118,11 +118,9 @@ class ModelOnTable:
 
     @property
     def data(self) -> Directions:
-        """The arrays of each kind."""
         return self.graph.data
 
     def constant(self, name: str) -> Value | None:
-        """t, dt, a constant or a parameter; None for another name."""
         if name == "t":
             return self.graph.leaf("t", np.zeros(1, dtype=np.int64))
         known = self.index.constants.get(name)
@@ -158,7 +156,6 @@ class ModelOnTable:
         return NumberAlgebra(self.graph, resolver.atom, resolver.special)
 
     def vector(self, vector: nouns.VectorExpression, algebra: NumberAlgebra) -> Triple:
-        """The components of a vector expression."""
         if len(vector.parts) == 1:
             return evaluate.vector(vector.parts[0].tree, algebra)
         x, y, z = (evaluate.scalar(part.tree, algebra) for part in vector.parts)

@@ -58,7 +58,6 @@ class Record:
     side: Array
 
     def part(self, rows: Array) -> Record:
-        """The record at some of the rows."""
         return Record(**{f.name: getattr(self, f.name)[rows] for f in dataclasses.fields(self)})
 
 
@@ -271,7 +270,6 @@ class WrittenDigits:
 
     @property
     def is_short(self) -> bool:
-        """True for a table that was rounded."""
         return self.part + self.unit > 0
 
     @property
@@ -280,12 +278,10 @@ class WrittenDigits:
         return max(self.digits, self.decimals) >= CERTAIN
 
     def sentence(self, table: str) -> str:
-        """The sentence of a report on a table."""
         count = f"{self.digits} digits" if self.digits else f"{self.decimals} decimals"
         return f"The {table} has {count}: judged by them."
 
     def as_json(self) -> dict[str, int]:
-        """The object of `lagcli audit --json`."""
         return {"digits": self.digits, "decimals": self.decimals}
 
 

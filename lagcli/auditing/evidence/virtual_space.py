@@ -33,7 +33,6 @@ class VirtualSpace:
         self._judge()
 
     def part(self, rows: slice) -> VirtualSpace:
-        """The space at some of the rows."""
         space = copy.copy(self)
         for name in ("B", "lengths", "sigma", "_left", "_across", "_independent", "_has_none"):
             setattr(space, name, getattr(self, name)[rows])

@@ -96,7 +96,6 @@ class OneSided:
         yield Line(note="A contact opens at the instant at which its λ would become negative.")
 
     def impact(self) -> Iterator[Line]:
-        """The law of impact."""
         if not self._contacts.rows:
             return
         yield Line(

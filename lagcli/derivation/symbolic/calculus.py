@@ -182,7 +182,6 @@ class VectorRecognizer:
         return self._found[triple]
 
     def components(self, key: Key) -> Triple:
-        """The components of a combination."""
         parts, rest = key
         x, y, z = (sum((c * self.triples[n][axis] for n, c in parts), rest[axis]) for axis in range(3))
         return x, y, z

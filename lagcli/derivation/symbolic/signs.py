@@ -116,7 +116,6 @@ class Signs:
         return sign
 
     def node(self, value: sympy.Expr) -> f.FormulaNode:
-        """The formula of an expression."""
         self._abbreviations()
         return self._node(value)
 

@@ -121,7 +121,6 @@ class SymbolTable:
         return self._value(equation, view, evaluate.difference)
 
     def definition(self, name: str) -> Value[sympy.Expr]:
-        """The value of a definition."""
         if name not in self._defined:
             self._defined[name] = self._value(self._definitions[name], View(), evaluate.value)
         return self._defined[name]
@@ -136,7 +135,6 @@ class SymbolTable:
         return particle, view(particle.members, number - self.particles.first(entry))
 
     def position(self, number: int) -> Triple:
-        """r of a particle."""
         if number not in self._positions:
             particle, there = self._entry(number)
             self._positions[number] = self.triple(particle.position, there)
@@ -150,7 +148,6 @@ class SymbolTable:
         return self._velocities[number]
 
     def mass(self, number: int) -> sympy.Expr:
-        """m of a particle."""
         if number not in self._masses:
             particle, there = self._entry(number)
             self._masses[number] = self.evaluated(particle.mass, there)
@@ -242,7 +239,6 @@ class _MemberAlgebra(notation.SympyAlgebra):
         return self._table.root(arguments[0], triple)
 
     def constant(self, name: str) -> Value[sympy.Expr] | None:
-        """t, dt, a constant or a parameter; None for another name."""
         table = self._table
         known: Mapping[str, Value[sympy.Expr]]
         for known in ({"t": TIME, "dt": sympy.Integer(1)}, table.constants, table.parameters):

@@ -77,7 +77,6 @@ class Symbolic:
 
     @property
     def all_closed(self) -> Symbolic:
-        """The system with all contacts as rows."""
         return self.closed(range(len(self.contacts.rows)))
 
     @property
@@ -91,13 +90,7 @@ class Symbolic:
         return sum((slope * self.v[i] for i, slope in row.B.items()), row.b)
 
     def matrix(self, i: int, j: int) -> sympy.Expr:
-        """M_ij."""
         return self.M.get((min(i, j), max(i, j)), ZERO)
-
-    @property
-    def values(self) -> dict[sympy.Symbol, float]:
-        """The numbers of parameters, and of the constants of rigid bodies."""
-        return self.table.parameter_values | self.table.body_constants
 
 
 def symbolic(

@@ -52,7 +52,6 @@ class Markup:
         return self.closed(self.write(node)) if isinstance(node, kinds) else self.write(node)
 
     def listed(self, nodes: tuple[f.FormulaNode, ...], comma: str) -> str:
-        """Formulas with commas between them."""
         return comma.join(map(self.write, nodes))
 
 
