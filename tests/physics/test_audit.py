@@ -515,7 +515,7 @@ def test_every_check_stands_in_the_page_of_the_audit() -> None:
     assert sorted(laws) == sorted(told)
 
 
-OF_THE_AUDIT = tuple(f"lagcli.{room}" for room in ("auditing", "model", "expression", "errors"))
+OF_THE_AUDIT = tuple(f"lagcli.{room}" for room in ("auditing", "model", "expression", "errors", "arrays"))
 
 
 def test_nothing_of_the_solver_is_used() -> None:
