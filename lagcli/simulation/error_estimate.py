@@ -1,9 +1,8 @@
 """The error of a run from its distance to the same run repeated at a tighter tolerance, row by row.
 
-Reintegration, as in L. F. Shampine, Error Estimation and Control for ODEs, J. Sci. Comput. 25 (2005). It sees what an
-estimate from within one run cannot: errors that the motion amplifies, and steps that something else than the tolerance
-has cut. Its weak side is rounding, where a tighter run is no better: there both runs are off by sums of rounding of
-like size, and their distance is one by chance.
+Reintegration, as in L. F. Shampine, Error Estimation and Control for ODEs, J. Sci. Comput. 25 (2005): it sees errors
+that the motion amplifies, and steps that something else than the tolerance has cut. Near rounding a tighter run is no
+better, and the distance is one by chance.
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ LOOSE = {
     "pfaffian": 49,
     "reporting": 9,
     "running": 7,
-    "simulation": 74,
+    "simulation": 73,
     "smoothness": 7,
     "start": 0,
     "statics": 3,

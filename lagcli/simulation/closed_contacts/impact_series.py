@@ -1,10 +1,9 @@
 """Impacts that follow each other faster than a run can tell their instants apart, each by itself and in its order.
 
-Within so short a time forces do nothing, and gaps grow and close at constant speeds: the series is what impacts make
-of gaps and speeds. It comes to an end after finitely many impacts, or it contracts: from some impact on gaps and speeds
-are those of an earlier one, all gaps and all speeds by the same parts smaller. Then infinitely many follow within a
-finite time (S. McNamara and W. R. Young, Inelastic collapse in two dimensions, 1994), and in the limit the contacts of
-the series stay together: the impact of these with e = 0.
+Within so short a time forces do nothing: the series is what impacts make of gaps and speeds. It ends after finitely
+many, or it contracts: from some impact on gaps and speeds are those of an earlier one, smaller by the same parts. Then
+infinitely many follow within a finite time (S. McNamara and W. R. Young, Inelastic collapse in two dimensions, 1994),
+and in the limit the contacts of the series stay together: the impact of these with e = 0.
 """
 
 from __future__ import annotations

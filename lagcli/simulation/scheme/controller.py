@@ -1,5 +1,4 @@
-"""The length of steps: of the first one, how it follows their errors, and when a run would not end in any time one can
-wait.
+"""The length of steps: of the first one, how it follows their errors, and when a run would have no end.
 
 The first step is found from the times in which positions, velocities and accelerations change by their sizes, as in
 Hairer, Norsett, Wanner, Solving ODEs I, sec. II.4, but that no size is one of a unit.

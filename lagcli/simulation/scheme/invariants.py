@@ -1,8 +1,8 @@
 """First integrals of differential rows that a run holds, each in one of its charts (D.3).
 
-A chart serves while its level g = 0 is regular: finite, with a gradient that does not vanish and does not depend
-on those of the holonomic rows and of the integrals before it. Else another chart of the integral is taken, or the
-integral is left to its velocity row, which keeps it to the tolerance. Either is noted, never silent.
+A chart serves while its level g = 0 is finite, with a gradient that neither vanishes nor depends on those of the
+holonomic rows and of the integrals before it. Else another chart is taken, or the integral is left to its velocity row,
+which keeps it to the tolerance. Either is noted, never silent.
 """
 
 from __future__ import annotations

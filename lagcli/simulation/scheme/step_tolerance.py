@@ -1,10 +1,9 @@
 """The measure of the error of a step: relative to the state, and to the sizes of the motion or to `atol`.
 
-Without `atol` a component near zero has a tolerance that is a part of the size of the motion: of the speeds there are,
-of what they and the forces do in a step. These scale with the units of length, time and mass and of each coordinate, so
-that the same motion takes the same steps in all of them. Forces that balance at a start at rest are looked at by
-themselves: nothing in such a motion has a size but these forces, and where they cancel within an entry of h not even h
-has. Their rounding is what is left, and no error of a step.
+Without `atol` a component near zero has a tolerance that is a part of the speeds there are, and of what they and the
+forces do in a step: these scale with the units, so that the same motion takes the same steps in all. Forces that
+balance at a start at rest are looked at by themselves: nothing else has a size there, and their rounding is no error of
+a step.
 """
 
 from __future__ import annotations

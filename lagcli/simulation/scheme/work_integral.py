@@ -1,8 +1,8 @@
 """The work W over a step whose stages were too few for it.
 
-W is integrated beside the motion and does not steer it. Where rows prescribe the motion, or almost, steps are as long
-as the motion allows, and the power W' of the rows and forces may oscillate within one. The motion is known there all
-the same, so that W is the integral of a known function: panels of Gauss, the one with the largest error halved first.
+W does not steer the motion, and steps may be so long that the power W' of rows and forces oscillates within one. The
+motion is known there, so that W is the integral of a known function: panels of Gauss, the one with the largest error
+halved first.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Singular configurations on the way: where rows become dependent at an instant, and the motion goes through.
 
-At a crossing of the branches of a constraint surface (a parallelogram linkage with its rods in line) the rank of B
-drops, and S = B M^-1 B^T is singular there and ill-conditioned around. The motion on its own branch stays smooth. So
-the instant is predicted (`singularity_monitor`), and one step of collocation leads across it with the instant in its
-middle, where no node lies. Where other rows would lose nothing there these are taken.
+At a crossing of the branches of a constraint surface (a parallelogram linkage with its rods in line) S = B M^-1 B^T is
+singular, while the motion on its own branch stays smooth: one step of collocation leads across with the instant, which
+`singularity_monitor` predicts, in its middle, where no node lies. Where other rows would lose nothing there these are
+taken.
 """
 
 from __future__ import annotations

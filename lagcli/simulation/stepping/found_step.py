@@ -21,12 +21,11 @@ class FoundStep(NamedTuple):
     """A step from where the run stands; the states at its end lie in the arrays of the run until another one is tried.
 
     reached, taken, proposed: its end, its length and the step to be tried after it; watch: what is seen of the rows at
-    its end; rejected: steps that were tried before it.
-    is_jump: its end is an incident, beyond which the state is another; is_still: it leads over a switch, where the
-    state stays the same; singular_step: of one across; work: W within it, where its stages were too
-    few for it, and is_balanced: not where that was not found; barrier: where something jumps, the end of the run.
-    within: incidents in it that do not end it; deepest: the largest -g_j that its end shows; acts: what is done once
-    the run stands at its end; at_end: what is done in place of that where the run ends with it.
+    its end; rejected: steps tried before it; is_jump: its end is an incident, beyond which the state is another;
+    is_still: it leads over a switch, where the state stays; singular_step: of one across; work: W within it, where its
+    stages were too few, and is_balanced: not where that was not found; barrier: where something jumps, the end of the
+    run; within: incidents in it that do not end it; deepest: the largest -g_j at its end; acts: what is done once the
+    run stands there; at_end: in place of that where the run ends with it.
     """
 
     reached: float

@@ -94,23 +94,20 @@ def reason(system: System, numeric: NumericSystem, state: State) -> str:
             looks += [(states, "jumps", sides.jumps()), (states, "grows", sides.grows())]
     for states, kind, found in looks:
         hit = np.flatnonzero(found)
-        if hit.size:
-            part, row = divmod(int(hit[0]), len(system.rows.rows))
-            return _sentence(system, row, kind, part == 0, _call(system, row, states))
+        if not hit.size:
+            continue
+        part, row = divmod(int(hit[0]), len(system.rows.rows))
+        name, is_holonomic, call = system.rows.rows[row].name, row < count, _call(system, row, states)
+        why = f" ({call})" if call else ""
+        if kind == "ends":
+            return f"the row `{name}` is not defined beyond{why}: its surface, or its gradient, ends there"
+        if kind == "grows":
+            return f"the gradient of the row `{name}` grows beyond all bounds there{why}"
+        if part == 0 and is_holonomic:
+            return f"the row `{name}` jumps there{why}"
+        what = "gradient of the row" if is_holonomic else "row"
+        return f"the {what} `{name}` jumps there{why}, and the velocity would have to jump"
     return ""
-
-
-def _sentence(system: System, row: int, kind: str, in_value: bool, call: str) -> str:
-    name, is_holonomic = system.rows.rows[row].name, row < system.holonomic_count
-    why = f" ({call})" if call else ""
-    if kind == "ends":
-        return f"the row `{name}` is not defined beyond{why}: its surface, or its gradient, ends there"
-    if kind == "grows":
-        return f"the gradient of the row `{name}` grows beyond all bounds there{why}"
-    if in_value and is_holonomic:
-        return f"the row `{name}` jumps there{why}"
-    what = "gradient of the row" if is_holonomic else "row"
-    return f"the {what} `{name}` jumps there{why}, and the velocity would have to jump"
 
 
 def time_scale(system: System, state: State) -> float:

@@ -1,10 +1,9 @@
 """The times at which steps must end because of what a model says about t alone, whatever the motion does.
 
-At a switch (`sign`, `abs`, `min`, `max` of functions of t) forces jump or have a kink. A step ends shortly before, by a
-few roundings of the time, and the next one begins as shortly after, so that no stage falls on the switch or beyond.
-Stations are the times between which no function of t alone rises or falls by much of its range: a step that passes one
-of them at most cannot lead over a pulse. Both are found by interval arithmetic, which misses none, piece by piece as
-the run goes on; they do not depend on where it ends.
+At a switch (`sign`, `abs`, `min`, `max` of functions of t) a step ends a few roundings of the time before, and the next
+one begins as shortly after. Between stations no function of t alone rises or falls by much of its range: a step that
+passes one of them at most cannot lead over a pulse. Interval arithmetic, which misses none, finds both piece by piece
+as the run goes on, wherever it ends.
 """
 
 from __future__ import annotations
