@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
 from lagcli.arrays import Integers
 from lagcli.expression import evaluate, integers, tree
 from lagcli.expression.evaluate import Value
+from lagcli.expression.functions import Number
 from lagcli.model import family
 from lagcli.model.family import MemberIndex
 from lagcli.model.model import Model
 
 Reference = tree.Reference
-IndexValue = Any  # a number, or a vector (K,) over the members of a family
+IndexValue = Number  # or a vector (K,) over the members of a family
 Variables = Mapping[str, IndexValue]  # of index variables
 S = TypeVar("S")
 Results = Callable[[tree.Node, Variables], Value[S]]
