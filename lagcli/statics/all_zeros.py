@@ -31,26 +31,8 @@ Piece = tuple[float, float]
 Force = Callable[[iv.mpf], tuple[iv.mpf, iv.mpf]]
 
 
-class CompletenessParameters:
-    """Sizes of pieces. The tests are of `tests/unit/test_numbers_of_rest_searches.py`."""
-
-    __slots__ = ()
-
-    most_boxes: int = 4000
-    """Intervals that are looked at; what is left is undecided.
-    `test_four_thousand_intervals_are_looked_at` fails at 400 and 40000."""
-    shells: int = 7
-    """Shells round zero, each ten times wider, which share the intervals: one size of things, ten, up to a million.
-    `test_all_zeros_of_one_unknown_lie_within_a_million_sizes` fails at 6 and 8."""
-    uneven: float = 1.0371
-    """The end of the first shell in sizes of things, and so those of all: no decimal number is one, for there zeros
-    are likely. `test_all_zeros_of_one_unknown_lie_within_a_million_sizes` fails at 0.10371 and 10.371."""
-    together: int = 100
-    """Narrow intervals side by side that are one piece. `test_a_hundred_narrow_intervals_are_one_piece` fails at 10
-    and 1000."""
-
-
-PARAMETERS = CompletenessParameters()
+# The end of the first shell round zero in sizes of things, and so those of all: no zero is likely there.
+UNEVEN = 2 * np.euler_gamma
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -190,7 +172,7 @@ def by_intervals(search: PointSearch, is_angle: bool) -> Completeness:
 
     def is_decided(q: Floats) -> bool:
         """True outside of undecided pieces, and not within an interval of one that is not halved further."""
-        near = _width(length, float(q[0])) / PARAMETERS.together
+        near = _width(length, float(q[0]), 1)
         return not any(low - near <= q[0] + turn <= high + near for low, high in own for turn in turns)
 
     agrees = search.settle({(): points}, is_decided)
@@ -215,9 +197,9 @@ def _undecided(pieces: list[Piece]) -> str:
     return f"intervals decide everywhere but {', '.join(named)}{more}: a pole, a kink, a double zero or a flat tail"
 
 
-def _width(length: float, x: float) -> float:
-    """The width of some intervals that are not halved further, side by side."""
-    return PARAMETERS.together * doubles.ZERO * (length + abs(x))
+def _width(length: float, x: float, together: int = 100) -> float:
+    """The width of some intervals that are not halved further, side by side: as narrow ones they are one piece."""
+    return together * doubles.ZERO * (length + abs(x))
 
 
 def _narrowed(force: Force, piece: Piece) -> float:
@@ -233,16 +215,17 @@ def _narrowed(force: Force, piece: Piece) -> float:
 
 def _pieces(force: Force, search: PointSearch, is_angle: bool) -> LinePieces:
     """All pieces, from the middle outward: a whole turn, or shells as far as the force has no zero beyond."""
-    found, length, left = LinePieces(), search.scales.length, PARAMETERS.most_boxes
+    found, length, left = LinePieces(), search.scales.length, 4000  # intervals that are looked at
     if is_angle:
         # The ends lie at no point where a zero is likely, and overlap: none is lost between them.
         turn = (-np.pi + 0.0123 - doubles.VALUE, np.pi + 0.0123 + doubles.VALUE)
         _search(force, [turn], found, left, length)
         return found
-    ends = [length * PARAMETERS.uneven * 10.0**k for k in range(PARAMETERS.shells)]
+    # Shells that share the intervals, from one size of things up to a million
+    ends = [length * UNEVEN * 10.0**k for k in range(7)]
     for k, end in enumerate(ends):
         shell = [(-end, end)] if not k else [(-end, -ends[k - 1]), (ends[k - 1], end)]
-        left -= _search(force, shell, found, left // (PARAMETERS.shells - k), length)
+        left -= _search(force, shell, found, left // (len(ends) - k), length)
     for end, tail in ((ends[-1], (ends[-1], np.inf)), (-ends[-1], (-np.inf, -ends[-1]))):
         try:
             value, slope = force(iv.mpf(list(tail)))

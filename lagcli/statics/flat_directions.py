@@ -90,7 +90,9 @@ class _Expansion:
 
 class FlatEquations:
     """The equations about a point with `basis` (n, k), its flat directions, set apart; `along` (n, d): of a continuum,
-    which stay as they are."""
+    which stay as they are; is_exact: the point is known to rounding, and not moved."""
+
+    is_exact = False
 
     def __init__(
         self, problem: StaticProblem, closed: tuple[int, ...], scales: Scales, basis: Floats, along: Floats
@@ -208,6 +210,7 @@ def judged(
     try:
         while 0 < basis.shape[1] <= 4:
             equations = FlatEquations(problem, point.closed, scales, basis, along)
+            equations.is_exact = is_exact
             q, lam = equations.settled(point.q, point.lam)
             # The second derivatives of phi on its axes, and their rounding
             k = basis.shape[1]
@@ -220,8 +223,7 @@ def judged(
             least, most = _changes(equations, (q, lam), axes[:, steepest]) if is_clear else (np.inf, np.inf)
             if most > PARAMETERS.kept:  # it may be none: higher powers are looked at before it is believed
                 plain = FlatVerdict(point, up, down, k)
-                of_powers = _of_powers_here if is_exact else _of_powers
-                verdict = of_powers(equations, (q, lam), _rays(k), plain)
+                verdict = _of_powers(equations, (q, lam), _rays(k), plain)
                 if verdict is not None or least > PARAMETERS.kept:
                     return verdict or plain
             is_up = bool(curvatures[steepest] > 0)
@@ -230,12 +232,6 @@ def judged(
     except UnderflowError:
         return FlatVerdict(point, 0, 0, directions[0].shape[1])
     return FlatVerdict(point, up, down, basis.shape[1])
-
-
-def is_elsewhere(moved: EquilibriumPoint, exact: EquilibriumPoint, scales: Scales) -> bool:
-    """True if derivatives vanish at a point that is another one than the exact one."""
-    sizes = np.maximum(np.abs(exact.q), scales.length)
-    return bool((np.abs(moved.q - exact.q) > 10 * doubles.VALUE * sizes).any())
 
 
 def balanced(
@@ -274,26 +270,6 @@ def _changes(equations: FlatEquations, begin: tuple[Floats, Floats], axis: Float
     with np.errstate(divide="ignore"):
         share = 3 * (abs(change) + nothing[2]) / (2 * curvature**2)
     return max(0.0, abs(force) - nothing[0]) * share, (abs(force) + nothing[0]) * share
-
-
-def _of_powers_here(
-    equations: FlatEquations, begin: tuple[Floats, Floats], rays: Floats, verdict: FlatVerdict
-) -> FlatVerdict | None:
-    """The verdict of the powers beyond the second at an exact point; None where that is not zero, or none is seen."""
-    known = None
-    few = (PARAMETERS.orders // 2, PARAMETERS.orders)
-    for orders in few if rays.shape[1] < 3 else (PARAMETERS.degree,):
-        found = equations.expanded(*begin, rays, orders)
-        if found is None:
-            break
-        forms, rounding = found.forms
-        clear = np.flatnonzero((np.abs(forms) > rounding).any(axis=0))
-        if clear.size:
-            power = int(clear[0]) + 1
-            known = _of_signs(_at(verdict, *begin), found, power) if power > 2 else None
-            if known is None or known.order:
-                break
-    return known
 
 
 def _of_powers(
@@ -338,7 +314,7 @@ def _of_first_power(
         return _of_signs(known, found, power)
     sizes, axes = decompositions.axes(found.rho[:, :, power - 1])
     # Where it lies along the last axis, this form does not tell.
-    if sizes[-1] <= rank.PARAMETERS.large * sizes[0]:
+    if sizes[-1] <= rank.PARAMETERS.large * sizes[0] and not equations.is_exact:
         settled = _moved_along(equations, (q, lam), axes[-1])
         if settled is None:
             return known
@@ -358,7 +334,7 @@ def _moved_along_axes(
 ) -> Iterator[tuple[Floats, Floats]]:
     """q and lambda moved along the axes of one form after another: a form that hardly depends on one of them, as x^4
     of x^4 + y^6, does not tell where that vanishes."""
-    if equations.basis.shape[1] == 1:
+    if equations.basis.shape[1] == 1 or equations.is_exact:
         return
     for power in range(3, found.rho.shape[2] + 1):
         axes, there = decompositions.axes(found.rho[:, :, power - 1])[1], begin
@@ -386,7 +362,7 @@ def _moved(
     """q and lambda where all powers of phi below one vanish and this one does not, with the powers there; or None."""
     (q, lam), n = begin, len(begin[0])
     size, last, way = equations.scales.length, np.inf, 0.0
-    for _ in range(6):  # each doubles the digits
+    for _ in range(0 if equations.is_exact else 6):  # each doubles the digits
         forms, rounding = (part[:, power - 1] for part in found.forms)
         if (np.abs(forms) <= rounding).all():
             return None

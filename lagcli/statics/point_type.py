@@ -106,7 +106,8 @@ def classify(
     is_known = np.abs(curvatures) > rest_equations.FLAT * largest
     signs = (np.sign(curvatures) * is_known * (slopes.max(initial=0.0) > doubles.ZERO * floor))[is_doubtful]
     verdict, is_whole = _of_doubtful(problem, bare, scales, (ways[:, is_doubtful], along), signs, is_exact)
-    if is_exact and flat_directions.is_elsewhere(verdict.point, point, scales):
+    away = np.abs(verdict.point.q - point.q) / np.maximum(np.abs(point.q), scales.length)
+    if is_exact and (away > 10 * doubles.VALUE).any():  # derivatives vanish at another point
         verdict = _of_signs(bare, signs)
     if idle and verdict.is_odd:  # along one of two opposite directions a contact is in the way
         verdict = dataclasses.replace(verdict, rises=False, falls=False)

@@ -112,7 +112,13 @@ class RestEquations:
             by_lam = np.zeros((g.size, self.rows))
             if self.closed is None:
                 push = lam[C:] * units / s.force * s.length
-                contact, along_g, along_lam = _complementary(contact, push)
+                # a + b - sqrt(a^2 + b^2) with its derivatives; at the corner those of a = b
+                root = np.hypot(contact, push)
+                along_g, along_lam = (
+                    np.where(root > doubles.TINY, 1 - part / np.maximum(root, doubles.TINY), 1 - np.sqrt(0.5))
+                    for part in (contact, push)
+                )
+                contact = contact + push - root
                 by_q = along_g[:, None] * by_q
                 by_lam[:, C:] = np.diag(along_lam * units / s.force * s.length)
             rows = values.rows(self.contacts)
@@ -199,15 +205,6 @@ class RestEquations:
         F = problem.at(problem.t, x[:n], problem.nothing).F
         largest = max(self.scales.force, float(np.abs(F).max(initial=0.0)))
         return doubles.EPS * max(float(each.size[-1]) for each in forces) / largest
-
-
-def _complementary(a: Floats, b: Floats) -> tuple[Floats, Floats, Floats]:
-    """a + b - sqrt(a^2 + b^2) with its derivatives; at the corner those of a = b."""
-    root = np.hypot(a, b)
-    safe = np.where(root > doubles.TINY, root, 1.0)
-    slope_a = np.where(root > doubles.TINY, 1 - a / safe, 1 - np.sqrt(0.5))
-    slope_b = np.where(root > doubles.TINY, 1 - b / safe, 1 - np.sqrt(0.5))
-    return a + b - root, slope_a, slope_b
 
 
 def scales(problem: StaticProblem, q: Floats) -> Scales:

@@ -398,12 +398,6 @@ def test_a_slope_of_six_digits_less_is_none(slope: float, kind: str | None) -> N
     assert kink_points._kind(search, on_kink, np.zeros(1)) == kind
 
 
-@pytest.mark.parametrize(("away", "is_another"), [(3e-12, False), (3e-11, True)])
-def test_an_exact_point_keeps_its_curvature_where_another_has_none(away: float, is_another: bool) -> None:
-    exact, moved = (EquilibriumPoint(np.array([x]), np.zeros(0), (), 0.0) for x in (1.0, 1.0 + away))
-    assert flat_directions.is_elsewhere(moved, exact, UNITS) is is_another
-
-
 def is_lost(build: Build, value: float) -> bool:
     """True if a function of a value that varies has left the doubles."""
     x = ca.SX.sym("x")
