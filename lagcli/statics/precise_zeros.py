@@ -149,15 +149,12 @@ def signs(equations: RestEquations, x: Floats) -> tuple[int, int, int] | None:
         if there is None:
             return None
         # Vectors that span what rows leave
-        rows = [row[:n] for row in there.gradients[n:]]
-        done, _ = precise_rows.eliminated(rows, n, _largest(rows) * _rounding())
+        K, rows = there.gradients[:n, :n], there.gradients[n:, :n]
+        done, _ = precise_rows.eliminated(rows.tolist(), n, _largest(rows) * _rounding())
         taken = {j for j, _ in done}
         units = [[Decimal(i == j) for i in range(n)] for j in range(n) if j not in taken]
-        free = [_with_pivots(done, unit, [ZERO] * len(done)) for unit in units]
-        K = [row[:n] for row in there.gradients[:n]]
-        bent = [[_product(row, along) for row in K] for along in free]
-        H = [[-_product(along, each) for along in free] for each in bent]
-        return _inertia(H, _largest(K))
+        free = np.array([_with_pivots(done, unit, [ZERO] * len(done)) for unit in units], dtype=object)
+        return _inertia(-free @ K @ free.T, _largest(K)) if units else (0, 0, 0)
 
 
 class _AtPoint:
@@ -187,8 +184,8 @@ class _AtPoint:
             values = multiprecision.run(self._program, [list(x), self._numbers], number)
         except multiprecision.NotFinite:
             return None
-        rows = [values[self._count + i :: self._count] for i in range(self._count)]
-        return _InDigits(values[: self._count], rows, self._length, self._arrived)
+        gradients = np.array(values[self._count :], dtype=object).reshape(-1, self._count).T
+        return _InDigits(values[: self._count], gradients, self._length, self._arrived)
 
 
 @memory.remembered(4096)
@@ -204,11 +201,11 @@ def number(value: float) -> Decimal:
 class _InDigits:
     """Equations f (m,) with gradients (m, k) at a point, in many digits."""
 
-    def __init__(self, f: Numbers, gradients: list[Numbers], length: Decimal, arrived: Decimal) -> None:
+    def __init__(self, f: Numbers, gradients: Point, length: Decimal, arrived: Decimal) -> None:
         self.gradients = gradients
         # f + gradients x = 0 by elimination with the largest pivots, 0 of unknowns that are left free
-        k = len(gradients[0])
-        equations = [[*row, -value] for row, value in zip(gradients, f, strict=True)]
+        k = gradients.shape[1]
+        equations = [[*row, -value] for row, value in zip(gradients.tolist(), f, strict=True)]
         done, over = precise_rows.eliminated(equations, k, _largest(gradients) * _rounding())
         self._step = _with_pivots(done, [ZERO] * k, [row[k] for _, row in done])
         left = max((abs(row[k]) for row in over), default=ZERO)
@@ -224,8 +221,8 @@ class _InDigits:
         return np.array(self._step)
 
 
-def _largest(rows: list[Numbers]) -> Decimal:
-    return max((abs(entry) for row in rows for entry in row), default=ZERO)
+def _largest(rows: Point) -> Decimal:
+    return Decimal(max(map(abs, rows.flat), default=ZERO))
 
 
 def _rounding() -> Decimal:
@@ -240,29 +237,17 @@ def _with_pivots(done: list[tuple[int, Numbers]], x: Numbers, right: Numbers) ->
     return x
 
 
-def _product(a: Numbers, b: Numbers) -> Decimal:
-    return sum((x * y for x, y in zip(a, b, strict=True)), ZERO)
-
-
-def _inertia(H: list[Numbers], unit: Decimal) -> tuple[int, int, int]:
+def _inertia(H: Point, unit: Decimal) -> tuple[int, int, int]:
     """The numbers of positive, negative and zero eigenvalues of a symmetric matrix (k, k) whose entries have a size."""
-    H, up, down = [list(row) for row in H], 0, 0
-    nothing = unit * _rounding()
-    while H:
-        places = [(i, j) for i in range(len(H)) for j in range(i + 1)]
-        i, j = max(places, key=lambda at: (abs(H[at[0]][at[1]]), at[0] == at[1]))
-        if abs(H[i][j]) <= nothing:
-            break
-        if i != j:  # along x_i = +-x_j, one of the two, there is more
-            sign = 1 if (H[i][i] + H[j][j]) * H[i][j] >= 0 else -1
-            H[i] = [a + sign * b for a, b in zip(H[i], H[j], strict=True)]
-            for row in H:
-                row[i] += sign * row[j]
-        pivot = H.pop(i)
-        up, down = up + (pivot[i] > 0), down + (pivot[i] < 0)
-        for row in H:
-            factor = row[i] / pivot[i]
-            for column in range(len(pivot)):
-                row[column] -= factor * pivot[column]
-            del row[i]
+    up = down = 0
+    while (largest := _largest(H)) > unit * _rounding():
+        i = int(np.argmax(np.abs(H.diagonal())))
+        if abs(H[i, i]) < largest:  # along x_i = +-x_j, one of the two, there is more
+            i, j = divmod(int(np.argmax(np.abs(H))), len(H))
+            sign = 1 if (H[i, i] + H[j, j]) * H[i, j] >= 0 else -1
+            H[i] += sign * H[j]
+            H[:, i] += sign * H[:, j]
+        up, down = up + (H[i, i] > 0), down + (H[i, i] < 0)
+        others = np.arange(len(H)) != i
+        H = (H - np.outer(H[:, i], H[i]) / H[i, i])[others][:, others]
     return up, down, len(H)
