@@ -78,7 +78,7 @@ class WrittenRun:
             self._table = TablePlan(
                 "--output", request.file, self._names, {}, run.grid.step, request.event_rows
             )
-        self._events = None if request.events is None else self._plan_of_events(request.events)
+        self._events = None if request.events is None else _plan_of_events(run, request)
         self._is_over = False  # every file of it is complete
         with request.locked() as locks:
             self._first, self._happened = self._before()
@@ -91,20 +91,6 @@ class WrittenRun:
         self.start, self.end = run.grid.start, run.grid.end
         self.is_stdout_taken = request.is_stdout_taken
         self.messages = () if request.quiet else tuple(self._beginning())
-
-    def _plan_of_events(self, file: str) -> TablePlan:
-        """The table of incidents. Raises `BadRequest` where two of its columns have one name."""
-        names, model = self._run.incident_columns.names, self._run.model
-        twice = [name for name in names if names.count(name) > 1] if len(set(names)) < len(names) else []
-        if twice:
-            raise BadRequest(
-                f"--events {file}: two of its columns would be called `{twice[0]}`: rename the particle or the"
-                " constraint"
-            )
-        impulse = incident_table.IMPULSE
-        multipliers = [name.removeprefix(impulse) for name in names if name.startswith(impulse)]
-        words = {"kind": KINDS, "name": [*multipliers, *(event.name for event in model.events)]}
-        return TablePlan("--events", self._request.events_file, names, words, noun="events")
 
     def _before(self) -> tuple[RowsBefore | None, RowsBefore | None]:
         """The rows and the incidents of the run before, with which the tables of a run that is resumed begin."""
@@ -359,3 +345,17 @@ class WrittenRun:
                     atomic_file.write(pathlib.Path(request.stats), f"{text}\n".encode())
             if request.as_json and not request.is_stdout_taken:
                 print(formats.json_line(stats.as_json()), flush=True)
+
+
+def _plan_of_events(run: SimulationRun, request: RunRequest) -> TablePlan:
+    """The table of incidents. Raises `BadRequest` where two of its columns have one name."""
+    names, impulse = run.incident_columns.names, incident_table.IMPULSE
+    twice = [name for name in names if names.count(name) > 1] if len(set(names)) < len(names) else []
+    if twice:
+        raise BadRequest(
+            f"--events {request.events}: two of its columns would be called `{twice[0]}`: rename the particle or the"
+            " constraint"
+        )
+    multipliers = [name.removeprefix(impulse) for name in names if name.startswith(impulse)]
+    words = {"kind": KINDS, "name": [*multipliers, *(event.name for event in run.model.events)]}
+    return TablePlan("--events", request.events_file, names, words, noun="events")
