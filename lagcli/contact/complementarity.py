@@ -85,15 +85,7 @@ def shortest(A: Floats, h: Floats) -> Shortest:
 def _settled(A: Floats, h: Floats, closed: list[int]) -> Shortest:
     """x and mu of the rows that hold, solved to rounding; a row that rounding has put on the wrong side changes it."""
     for _ in range(2 * h.size + 10):
-        # The shortest x with A x = h of those rows, x = A^T mu; with one step of refinement
-        own, x, mu = A[closed], np.zeros(A.shape[1]), np.zeros(len(closed))
-        Q, R = decompositions.orthonormal(own.T)
-        try:
-            for _ in range(2):
-                part = np.linalg.solve(R.T, h[closed] - own @ x)
-                x, mu = x + Q @ part, mu + np.linalg.solve(R, part)
-        except np.linalg.LinAlgError as error:
-            raise UndecidedRows("rows too near dependent ones") from error
+        x, mu = _on(A[closed], h[closed])
         allowed = doubles.ZERO * (float(np.linalg.norm(x)) + np.abs(h))
         if mu.size and mu.min() < 0:
             del closed[int(np.argmin(mu))]
@@ -106,6 +98,19 @@ def _settled(A: Floats, h: Floats, closed: list[int]) -> Shortest:
             return Shortest(x, whole)
         closed = sorted([*closed, int(np.argmin(short))])
     raise UndecidedRows("rows too near dependent ones")
+
+
+def _on(A: Floats, h: Floats) -> tuple[Floats, Floats]:
+    """The shortest x with A x = h, and mu with x = A^T mu, of independent rows; with one step of refinement."""
+    Q, R = decompositions.orthonormal(A.T)
+    try:
+        x, mu = np.zeros(A.shape[1]), np.zeros(h.size)
+        for _ in range(2):
+            part = np.linalg.solve(R.T, h - A @ x)
+            x, mu = x + Q @ part, mu + np.linalg.solve(R, part)
+    except np.linalg.LinAlgError as error:
+        raise UndecidedRows("rows too near dependent ones") from error
+    return x, mu
 
 
 def proposals(columns: Floats, target: Floats) -> Iterator[Floats]:

@@ -8,7 +8,7 @@ wrong call, or a slip in a function of ours that SymPy calls back, passes as it 
 import sys
 from collections.abc import Callable
 from functools import partial
-from typing import Any, ParamSpec, TypeVar
+from typing import ParamSpec, TypeVar
 
 import sympy
 from sympy.polys.polyerrors import BasePolynomialError
@@ -82,7 +82,7 @@ def subs(expression: sympy.Expr, *arguments: object, **options: object) -> sympy
     return call(expression.subs, *arguments, **options)
 
 
-def __getattr__(name: str) -> Callable[..., Any]:
+def __getattr__(name: str) -> Callable[..., sympy.Basic]:
     """Any other function of SymPy, guarded: `guarded.expand` is `sympy.expand`."""
     if name.startswith("_"):
         raise AttributeError(name)

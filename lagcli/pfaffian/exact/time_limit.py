@@ -16,7 +16,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import sympy
 from sympy.core.function import Application
@@ -184,7 +184,7 @@ class _QuietInterrupts:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._depth = 0
-        self._usual: Callable[[Any], Any] = sys.unraisablehook
+        self._usual = sys.unraisablehook
 
     def __enter__(self) -> None:
         with self._lock:
@@ -198,7 +198,7 @@ class _QuietInterrupts:
             if self._depth == 0:
                 sys.unraisablehook = self._usual
 
-    def _on_unraisable(self, about: Any) -> None:
+    def _on_unraisable(self, about: "sys.UnraisableHookArgs") -> None:
         if about.exc_type is not _INTERRUPT:
             self._usual(about)
 

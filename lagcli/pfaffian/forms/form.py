@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import reduce
 from itertools import combinations
-from typing import Any, TypeVar
+from typing import TypeVar, cast
 
 import sympy
 
@@ -118,7 +118,7 @@ def in_symbols(value: T, symbols: Mapping[sympy.Symbol | str, sympy.Symbol | str
     """What is made of expressions, names, rows of them and such objects, with other symbols and names in place of its
     own."""
 
-    def renamed(part: Any) -> Any:
+    def renamed(part: object) -> object:
         if isinstance(part, sympy.Basic):
             return part.xreplace(symbols)
         if isinstance(part, tuple):
@@ -129,8 +129,7 @@ def in_symbols(value: T, symbols: Mapping[sympy.Symbol | str, sympy.Symbol | str
             return replace(part, **{each.name: renamed(getattr(part, each.name)) for each in fields(part)})
         return symbols.get(part, part) if isinstance(part, str) else part
 
-    found: T = renamed(value)
-    return found
+    return cast("T", renamed(value))
 
 
 def has_kinks(expression: sympy.Expr) -> bool:
