@@ -77,7 +77,7 @@ def killer(patch):
 
     def closed(sink):
         # A Parquet file would get its end.
-        if not isinstance(sink._writer, parquet_format.ParquetTableWriter):
+        if not isinstance(sink._writer, parquet_format.ParquetWriter):
             sink._writer.abandon()
 
     def kill(*_, **options):
