@@ -10,6 +10,7 @@ from __future__ import annotations
 import decimal
 import math
 from decimal import Decimal
+from fractions import Fraction
 
 import numpy as np
 
@@ -188,14 +189,20 @@ class _AtPoint:
         return _InDigits(values[: self._count], gradients, self._length, self._arrived)
 
 
-@memory.remembered(4096)
 def number(value: float) -> Decimal:
     """A number as it was written, or the quotient that was, in the digits of the context."""
-    try:
-        written = polynomial_equations.exact(value)
-    except polynomial_equations.NotPolynomial:
+    written = _written(value)
+    if written is None:
         return multiprecision.decimal_of(value)
     return Decimal(written.numerator) / Decimal(written.denominator)
+
+
+@memory.remembered(4096)
+def _written(value: float) -> Fraction | None:
+    try:
+        return polynomial_equations.exact(value)
+    except polynomial_equations.NotPolynomial:
+        return None
 
 
 class _InDigits:

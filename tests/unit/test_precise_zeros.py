@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import decimal
+from decimal import Decimal
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -78,3 +81,9 @@ def test_beside_a_degenerate_zero_no_sign_is_told() -> None:
 def test_a_number_that_nobody_wrote_gives_no_sign() -> None:
     of = lambda q: q**3 / 3 - np.sqrt(2) * q**2 + 2 * q  # noqa: E731
     assert precise_zeros.signs(equations(of), np.array([np.sqrt(2)])) is None
+
+
+def test_a_quotient_has_the_digits_of_each_arithmetic() -> None:
+    for digits in (60, 300):
+        with decimal.localcontext(prec=digits):
+            assert precise_zeros.number(1 / 3) * 3 == 1 - Decimal(10) ** -digits
