@@ -129,12 +129,11 @@ def test_a_gradient_vanishes_beside_what_it_is_a_hundredth_aside(here, edge, is_
 def instant(speed=1.0, **more):
     """One contact at an instant: of a motion of size one and this speed, with units and accelerations of one."""
     found = ContactInstant.__new__(ContactInstant)
-    numeric = SimpleNamespace(selection=SimpleNamespace(dependencies=()))
     values = SimpleNamespace(
-        count=1, row=np.zeros(1, dtype=int), column=np.zeros(1, dtype=int), numeric=numeric
+        count=1, row=np.zeros(1, dtype=int), column=np.zeros(1, dtype=int), has_independent_rows=True
     )
     motion = MotionNumbers(acceleration=1.0, forces_blurred=0.0, size=1.0, speed=speed)
-    given = {"state": state(), "_motion": motion, "units": np.ones(1)}
+    given = {"state": state(), "_motion": motion, "units": np.ones(1), "size": 1.0}
     given |= {
         "values": values,
         "_entries": np.ones(1),
