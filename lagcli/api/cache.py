@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from lagcli import memory, progress
 from lagcli.analysis import examined_start
 from lagcli.analysis.classification.verdict import KnownIntegrals
+from lagcli.analysis.examined_start import ExaminedStart
 from lagcli.compiled import NumericSystem
 from lagcli.equations import size_limits, system
 from lagcli.errors import diagnostics
 from lagcli.model import settings
 from lagcli.model.model import Model
+from lagcli.model.settings import Simulation
 from lagcli.start import consistent_start, initial
 
 if TYPE_CHECKING:
@@ -46,6 +49,18 @@ class CompiledModel:
         same = CompiledModel(moved, self.numeric)
         same.cached = self.cached
         return same
+
+    def examined_start(self, known: KnownIntegrals | None, limit: float) -> ExaminedStart:
+        """See `examined_start.examine`; runs that differ in their rows and tolerances share it."""
+        if known is not None:
+            return examined_start.examine(self.system, self.numeric, known, limit)
+        model = self.system.model
+        chosen = model.simulation
+        same = Simulation(chosen.start, chosen.duration, assemble=chosen.assemble, keep=chosen.keep)
+        question = "start", dataclasses.replace(model, simulation=same), limit
+        return self.numeric.memory.answer(
+            question, lambda: examined_start.examine(self.system, self.numeric, None, limit)
+        )
 
     def first_integrals(self, limit: float = settings.LIMIT) -> KnownIntegrals:
         """The first integrals of the differential rows as far as they are found in `limit` seconds."""

@@ -7,7 +7,6 @@ import os
 import time
 
 from lagcli import progress
-from lagcli.analysis import examined_start
 from lagcli.analysis.classification.verdict import KnownIntegrals
 from lagcli.analysis.examined_start import ExaminedStart
 from lagcli.api import cache, run_settings
@@ -88,7 +87,7 @@ def start_compiled(
     began: of `time.perf_counter`, when the work for it did; otherwise as `start`.
     """
     began = time.perf_counter() if began is None else began
-    start = examined_start.examine(ready.system, ready.numeric, known, limit)
+    start = ready.examined_start(known, limit)
     integrals, notes = start.known.integrals, start.known.notes
     first = ready.cached.run_start(
         ready.system, start.state, start.selection, start.is_singular, integrals, notes

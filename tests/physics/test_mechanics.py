@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli.analysis import examined_start
 from lagcli.api import cache
 from lagcli.simulation.scheme import method
 
@@ -519,3 +520,21 @@ def test_second_run_spends_next_to_nothing_on_the_build():
     first = lagcli.simulate(lagcli.loads(text), duration=0.1).stats.compile_seconds
     again = [lagcli.simulate(lagcli.loads(text, parameters={"m": m}), duration=0.1) for m in (3, 4, 5)]
     assert min(run.stats.compile_seconds for run in again) < first / 3
+
+
+def test_a_start_that_was_examined_is_not_examined_again_for_other_rows_and_tolerances(monkeypatch):
+    examined = []
+    examine = examined_start.examine
+    monkeypatch.setattr(examined_start, "examine", lambda *args: examined.append(args) or examine(*args))
+    text = TUNED + "title: examined once\n"
+    first = lagcli.simulate(lagcli.loads(text), duration=1, samples=11)
+    lagcli.simulate(lagcli.loads(text), duration=1, samples=21, rtol=1e-6)
+    again = lagcli.simulate(lagcli.loads(text), duration=1, samples=11)
+    assert len(examined) == 1
+    assert np.array_equal(again.rows, first.rows)
+    for change in ({"m": 5}, {"th.rate": 0.2}, {"L": 1.5}):
+        lagcli.simulate(lagcli.loads(text, parameters=change), duration=1)
+    lagcli.simulate(lagcli.loads(text), duration=2)
+    lagcli.simulate(lagcli.loads(text), duration=1, start=3)
+    lagcli.simulate(lagcli.loads(text), duration=1, assemble=True)
+    assert len(examined) == 7
