@@ -109,6 +109,8 @@ def parts() -> Iterator[Part]:
 
 def agree(old: Path, new: Path) -> list[str]:
     """The differences of two recorded files; nothing where they agree."""
+    if not old.exists():
+        return ["was not recorded"]
     if old.suffix == ".values":
         return golden_outputs.differences(old, new)
     if old.suffix == ".npz":
