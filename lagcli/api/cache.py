@@ -31,6 +31,7 @@ class CompiledModel:
 
     def __init__(self, built: system.System, numeric: NumericSystem | None = None) -> None:
         self.system, self.numeric = built, numeric or NumericSystem(built)
+        self._starts = memory.Memory(MOST_CACHED)
 
     @cached_property
     def cached(self) -> CachedFunctions:
@@ -47,7 +48,7 @@ class CompiledModel:
     def of(self, moved: system.System) -> CompiledModel:
         """The functions for a system that differs in values alone."""
         same = CompiledModel(moved, self.numeric)
-        same.cached = self.cached
+        same.cached, same._starts = self.cached, self._starts
         return same
 
     def examined_start(self, known: KnownIntegrals | None, limit: float) -> ExaminedStart:
@@ -57,8 +58,8 @@ class CompiledModel:
         model = self.system.model
         chosen = model.simulation
         same = Simulation(chosen.start, chosen.duration, assemble=chosen.assemble, keep=chosen.keep)
-        question = "start", dataclasses.replace(model, simulation=same), limit
-        return self.numeric.memory.answer(
+        question = dataclasses.replace(model, simulation=same), limit
+        return self._starts.answer(
             question, lambda: examined_start.examine(self.system, self.numeric, None, limit)
         )
 
