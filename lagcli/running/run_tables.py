@@ -226,8 +226,12 @@ class SafeTable:
 
     def abandon(self, has_checkpoint: bool) -> None:
         """The run has failed: rows that no checkpoint speaks of are needed no more."""
-        if self._rows is not None:
-            (self._rows.close if has_checkpoint or self.first is not None else self._rows.remove)()
+        if self._rows is None:
+            return
+        if has_checkpoint or self.first is not None:
+            self._rows.close()
+        else:
+            self._rows.remove()
 
     def keep(self) -> str:
         """The run has ended before its end: keep what there is; where it is, as a part of a sentence, or nothing."""

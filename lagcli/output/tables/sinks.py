@@ -88,8 +88,12 @@ class Sink:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        if not self._ended:
-            (self.commit if kind is None else self.discard)()
+        if self._ended:
+            return
+        if kind is None:
+            self.commit()
+        else:
+            self.discard()
 
     def _must_be_open(self) -> None:
         if self._ended:
