@@ -46,7 +46,7 @@ class BoundFunction:
         if not is_sparse:
             function = function.with_full_results
         self._buffer, self.trigger = cast("tuple[Buffer, Callable[[], None]]", function.buffer())
-        self._function, self.arguments = function, tuple(arguments)  # the buffer keeps none of them alive
+        self.function, self.arguments = function, tuple(arguments)  # the buffer keeps none of them alive
         self.used = 0  # for those who count their calls
         self.results: list[Floats] = []
         taken, made = function.layout

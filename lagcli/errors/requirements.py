@@ -11,6 +11,7 @@ from collections.abc import Collection
 OLDEST = {
     "casadi": "3.6.7",
     "jinja2": "3.1",
+    "llvmlite": "0.45",
     "matplotlib": "3.8",
     "mpmath": "1.3",
     "numpy": "1.26",
@@ -25,7 +26,7 @@ OLDEST = {
 }
 
 
-OPTIONAL = ("pyarrow",)
+OPTIONAL = ("llvmlite", "pyarrow")
 
 
 def too_old(names: Collection[str] = OLDEST.keys() - set(OPTIONAL)) -> str:

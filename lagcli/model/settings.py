@@ -6,15 +6,18 @@ import functools
 import math
 import typing
 from collections.abc import Iterator, Mapping
+from importlib.util import find_spec
 from typing import Annotated, TypedDict
 
 from lagcli import progress
-from lagcli.errors import diagnostics
+from lagcli.errors import diagnostics, requirements
 from lagcli.frozen import frozen_value
 
 # Of the schemes there are, each a file of `simulation` with a line in `method.METHODS`; `auto` is the first.
 METHOD_NAMES = ("dop853",)
 METHODS = ("auto", *METHOD_NAMES)
+# Native code where it pays, from the first step on, or not at all.
+COMPILE = ("auto", "always", "never")
 _EXPRESSION = "expression of parameters"
 MAX_ROWS = 10**9  # a billion rows of ten columns are 80 GB
 MOST_STEPS = 1e10  # of a run; they would take days
@@ -66,6 +69,15 @@ class Simulation:
         str,
         RunSetting("the integration scheme", " or ".join(f"`{name}`" for name in METHODS), "auto", "auto"),
     ] = "auto"
+    compile: Annotated[
+        str,
+        RunSetting(
+            "native code for the steps, with the same numbers",
+            " or ".join(f"`{mode}`" for mode in COMPILE),
+            "auto",
+            "never",
+        ),
+    ] = "auto"
     rtol: Annotated[float, RunSetting("relative tolerance of a step", default="1e-11", example="1e-9")] = (
         1e-11
     )
@@ -101,6 +113,7 @@ class RunSettings(TypedDict, total=False):
     samples: int | None
     output_step: float | None
     method: str | None
+    compile: str | None
     rtol: float | None
     atol: float | None
     max_step: float | None
@@ -150,6 +163,13 @@ def faults(settings: Simulation) -> Iterator[tuple[str, str]]:
         sentence = f"there is no method `{name}`" if name else "the method has no name"
         hint = f": {more}" if name and more else ""
         yield "method", f"{sentence}; there are {', '.join(METHODS)}{hint}"
+    if settings.compile not in COMPILE:
+        yield "compile", f"must be {', '.join(COMPILE[:-1])} or {COMPILE[-1]}, and not `{settings.compile}`"
+    elif settings.compile == "always":
+        if find_spec("llvmlite") is None:
+            yield "compile", 'native code needs llvmlite, which is not installed: pip install "lagcli[fast]"'
+        elif refusal := requirements.too_old(["llvmlite"]):
+            yield "compile", refusal
     if not 1e-15 <= settings.rtol <= 0.1:
         yield "rtol", "rtol must be between 1e-15 and 0.1"
     if settings.atol is not None and not (math.isfinite(settings.atol) and settings.atol > 0):

@@ -49,7 +49,8 @@ class Stats:
     that ended it; rows: how many there are up to t_end; accuracy: the estimate of the errors, assembled: what assembly
     changed in the start, where they were asked for; atol: None where it is a part of the sizes of the motion; impacts,
     releases, accumulations: numbers of such, by contact; largest_penetration: the largest -g over all rows, in units
-    of g; warnings: why the rows are not to be trusted.
+    of g; warnings: why the rows are not to be trusted; native_steps: those that native code took, of a resumed run in
+    this part of it.
     """
 
     steps: int
@@ -77,6 +78,7 @@ class Stats:
     accumulations: int = 0
     largest_penetration: float = 0.0
     warnings: tuple[RunWarning, ...] = ()
+    native_steps: int = 0
 
     def as_json(self) -> dict[str, object]:
         """The object written by `--stats`."""

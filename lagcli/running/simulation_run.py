@@ -221,6 +221,7 @@ class SimulationRun:
             tally.accumulations,
             report.largest_penetration,
             run_remarks.energy_warnings(self._energy_error),
+            statistics.native_steps,
         )
 
     @property

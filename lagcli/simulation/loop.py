@@ -10,12 +10,14 @@ import functools
 import math
 import time
 from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lagcli.arrays import Floats
 from lagcli.frozen import frozen
 from lagcli.model.settings import Simulation
+from lagcli.native import paying
 from lagcli.simulation.events import events_of_run
 from lagcli.simulation.row_writer import RowWriter, TableRows
 from lagcli.simulation.run_state.between_steps import RunState, Turns
@@ -30,8 +32,10 @@ from lagcli.simulation.stepping.step_trial import MOST_RESIDUAL
 from lagcli.simulation.stepping.stepper import Stepper
 from lagcli.smoothness.time_functions import TimeFunctions
 
+if TYPE_CHECKING:
+    from lagcli.simulation.native_steps import NativeSteps
+
 BLOCK_VALUES = 2**16  # numbers in a block of rows
-NEARLY = 1.001  # a step of so many times the length proposed, that ends before the run, is not its last
 PAUSE = 0.1  # seconds after which the rows so far, be there none, are handed out: for progress and interrupts
 
 
@@ -63,6 +67,8 @@ class Run:
         self._events = events_of_run.found(stepper)
         self._looks_ahead = any(event.looks_ahead for event in self._events)
         stepper.keeps_stages = any(event.keeps_stages for event in self._events)
+        self._compile = stepper.compile
+        self._native: NativeSteps | None = None
         # A row at an incident is to be written once the run is beyond it.
         self._is_due = False
 
@@ -141,6 +147,8 @@ class Run:
                 # Behind the row of an incident, and never without a step.
                 if has_advanced and time.perf_counter() > until:
                     return False
+                if self._compile != "never":
+                    self._advance_in_native_code()
                 self._find_step()
                 continue
             if not writer.put_rows(stepper.found):
@@ -152,6 +160,18 @@ class Run:
             stepper.accept()
             has_advanced = True
 
+    def _advance_in_native_code(self) -> None:
+        """Take ordinary steps in native code, none or more, once that pays: its library takes long to load."""
+        functions = self.stepper.bound.enforced.functions
+        functions.steps += 1
+        if self._native is None:
+            if self._compile != "always" and not paying.pays(functions.steps):
+                return
+            from lagcli.simulation.native_steps import NativeSteps
+
+            self._native = NativeSteps(self.stepper, self.writer, self._events, self._compile)
+        self._native.advance()
+
     def _find_step(self) -> None:
         stepper, end = self.stepper, self.grid.end
         for event in self._events:
@@ -159,7 +179,7 @@ class Run:
             if stepper.found is not None:
                 self._ask()
                 return
-        if self._looks_ahead and stepper.t + NEARLY * stepper.control.step >= end:
+        if self._looks_ahead and stepper.t + controller.NEARLY * stepper.control.step >= end:
             # What happens before the end is found in the step of a run that goes on.
             try:
                 stepper.advance(beyond=True)

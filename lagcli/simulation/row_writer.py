@@ -32,15 +32,15 @@ class RowWriter:
     def __init__(self, stepper: Stepper, made: TableRows, next_row: int, last: float = -math.inf) -> None:
         self._stepper, self._columns, self._ends_only = stepper, made.columns, made.ends_only
         self.grid, self.next_row = stepper.grid, next_row
-        self._lines, self._filled, self._capacity = np.empty((0, 0)), 0, 0
+        self.lines, self.filled, self.capacity = np.empty((0, 0)), 0, 0
         # Where the last step begins that was looked at for rows.
-        self.last, self._begun = last, -math.inf
+        self.last, self.begun = last, -math.inf
         stepper.row_time = self.grid.time(next_row)
         # What the rows say of contacts: columns of their multipliers, and of the positions.
         system = stepper.bound.enforced.system
         columns = {name: i for i, name in enumerate(system.columns, start=1)}
         self._names = system.model.contact_names
-        self._multipliers = [columns[f"lambda.{name}"] for name in self._names]
+        self.multipliers = [columns[f"lambda.{name}"] for name in self._names]
         self._positions = [columns[name] for name in system.model.coordinate_names] if self._names else []
 
     @property
@@ -62,12 +62,12 @@ class RowWriter:
     def open(self, capacity: int) -> None:
         """Begin a block, in memory of its own, with a line more than its capacity for the row of an event that ends the
         run."""
-        self._lines, self._filled, self._capacity = np.empty((capacity + 1, self.width)), 0, capacity
+        self.lines, self.filled, self.capacity = np.empty((capacity + 1, self.width)), 0, capacity
 
     def close(self) -> Floats:
         """The lines of the block."""
-        block = self._lines[: self._filled]
-        return block.copy() if 2 * self._filled < len(self._lines) else block
+        block = self.lines[: self.filled]
+        return block.copy() if 2 * self.filled < len(self.lines) else block
 
     def put_begin(self) -> None:
         """Write the next row from the state where the run stands."""
@@ -81,7 +81,7 @@ class RowWriter:
         """Write the rows at the state where the run stands, if any; False where the block is full before. Behind a
         switch of functions of t they may lie a few roundings of the time before it."""
         while self._stepper.row_time <= self._stepper.t:
-            if self._filled == self._capacity:
+            if self.filled == self.capacity:
                 return False
             self.put_begin()
         return True
@@ -91,9 +91,9 @@ class RowWriter:
         row within the step that the event ends gives way: one where that step begins may have left already."""
         run = self._stepper
         if self.grid.is_rounding(run.t - self.last, run.origin + run.t):
-            if self.last <= self._begun or not self._filled:
+            if self.last <= self.begun or not self.filled:
                 return
-            self._filled, self.next_row = self._filled - 1, self.next_row - 1
+            self.filled, self.next_row = self.filled - 1, self.next_row - 1
         run.row_time = run.t
         self.put_begin()
 
@@ -102,7 +102,7 @@ class RowWriter:
         an incident is that of the state after it, and is left."""
         run, rows = self._stepper, self._stepper.trial.rows
         t, reached, taken = run.t, step.reached, step.taken
-        self._begun, capacity = t, self._capacity
+        self.begun, capacity = t, self.capacity
         before = reached
         if step.is_jump:
             # The time of an incident has its rounding; across a switch no row is before it.
@@ -110,8 +110,8 @@ class RowWriter:
         row_time = run.row_time
         if step.work is None and row_time < before and step.is_ordinary:
             # Nearly all rows of nearly all tables are such: what they do not need is not asked for.
-            lines, time, origin = self._lines, self.grid.time, run.origin
-            begun, first = self._filled, self.next_row
+            lines, time, origin = self.lines, self.grid.time, run.origin
+            begun, first = self.filled, self.next_row
             trigger, at, x, line, cells = rows.inside.trigger, rows.at, rows.x, rows.line, rows.cells
             run.trial.make_dense()
             filled = begun
@@ -125,11 +125,11 @@ class RowWriter:
                 self.last = row_time
                 row_time = time(first + filled - begun)
             self._require_pushes(lines[begun:filled])
-            self._filled, self.next_row, run.row_time = filled, first + filled - begun, row_time
+            self.filled, self.next_row, run.row_time = filled, first + filled - begun, row_time
         while run.row_time <= reached:
             if step.is_jump and run.row_time >= before:
                 break
-            if self._filled == capacity:
+            if self.filled == capacity:
                 return False
             row_time = run.row_time
             rows.at[0] = run.origin + row_time
@@ -163,8 +163,8 @@ class RowWriter:
         if step is not None and step.work is not None:
             line[WORK] = step.work.at(run.row_time)
         self._require_pushes(line[None, :])
-        self._lines[self._filled] = line
-        self._filled, self.last = self._filled + 1, run.row_time
+        self.lines[self.filled] = line
+        self.filled, self.last = self.filled + 1, run.row_time
         self.next_row += 1
         if self._ends_only:
             self.next_row = max(self.next_row, self.grid.count - 1)
@@ -207,7 +207,7 @@ class RowWriter:
     def _require_pushes(self, lines: Floats) -> None:
         """Raise `StepFailure` where a contact pulls in lines (k, columns), t first, by more than rounding and
         tolerance."""
-        if not self._names or not (lines[:, self._multipliers] < 0.0).any():
+        if not self._names or not (lines[:, self.multipliers] < 0.0).any():
             return
         from lagcli.simulation.closed_contacts import contact_instant
         from lagcli.simulation.events import step_watch
@@ -217,11 +217,11 @@ class RowWriter:
         values = contact_instant.ContactRowValues(numeric, len(run.bound.enforced.system.rows.rows))
         parameters = contact_instant.PARAMETERS
         share = parameters.clearly * max(1.0, rtol / parameters.weightless)
-        for line in lines[(lines[:, self._multipliers] < 0.0).any(axis=1)]:
+        for line in lines[(lines[:, self.multipliers] < 0.0).any(axis=1)]:
             state = State(float(line[0]), line[self._positions], run.bound.y[n : 2 * n], run.bound.enforced.p)
             chosen = contact_instant.ContactParameters(rtol, size=run.contacts.size)
             here = contact_instant.ContactInstant(values, state, chosen)
-            forces = line[self._multipliers]
+            forces = line[self.multipliers]
             numbers = np.flatnonzero(forces < 0.0)
             least = share * here.least_forces(numbers, run.bound.k[n : 2 * n])
             pulling = [self._names[j] for j in numbers[-forces[numbers] > least].tolist()]

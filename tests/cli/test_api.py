@@ -147,7 +147,7 @@ def test_the_account_of_a_run_is_that_of_the_command_line() -> None:
         *["position_drift", "velocity_drift", "energy_imbalance", "indeterminate", "singular_times"],
         *["stopped", "ended_by", "rows", "t_end", "provenance"],
         *["rtol", "atol"],
-        *["impacts", "releases", "accumulations", "largest_penetration", "warnings"],
+        *["impacts", "releases", "accumulations", "largest_penetration", "warnings", "native_steps"],
     ]
     assert stats.solve_seconds > 0
     assert stats.method == "dop853"

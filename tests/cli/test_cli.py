@@ -842,7 +842,7 @@ STATS_KEYS = [
     *["position_drift", "velocity_drift", "energy_imbalance", "indeterminate", "singular_times"],
     *["stopped", "ended_by", "rows", "t_end", "provenance"],
     *["rtol", "atol"],
-    *["impacts", "releases", "accumulations", "largest_penetration", "warnings"],
+    *["impacts", "releases", "accumulations", "largest_penetration", "warnings", "native_steps"],
 ]
 
 

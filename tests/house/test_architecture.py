@@ -17,7 +17,7 @@ PACKAGE = ROOT / "lagcli"
 # Bottom first: a package imports only from packages before it; files of one package import each other in no circle.
 ROOMS = tuple(
     "arrays doubles frozen memory progress errors yaml_tree expression model input smoothness equations compiled linear"
-    " contact start pfaffian simulation statics analysis auditing linearization output running formulations"
+    " native contact start pfaffian simulation statics analysis auditing linearization output running formulations"
     " derivation reporting api cli __main__".split()
 )
 
@@ -54,6 +54,12 @@ DOORS = {
         "lagcli.smoothness.",
         "lagcli.equations.",
         "lagcli.compiled.",
+        "lagcli.native.lowering",
+        "lagcli.native.machine_code",
+        "lagcli.native.operations",
+        "lagcli.simulation.events.event",
+        "lagcli.simulation.native_steps",
+        "lagcli.simulation.native_rules",
         "lagcli.linear.metric",
         "lagcli.linear.metric_rows",
         "lagcli.linear.independent_rows",
@@ -79,6 +85,7 @@ DOORS = {
         "lagcli.statics.static_problem",
     ),
     "distributed": ("lagcli.api.sweep_engines",),
+    "llvmlite": ("lagcli.native.machine_code",),
     "scipy": (
         "lagcli.api.sweep_points",
         "lagcli.contact.",

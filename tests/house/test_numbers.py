@@ -25,7 +25,7 @@ OBJECTS = list(parameter_objects())
 # Numbers of modules that stand in no object, by packages: they may only become fewer. Many are widths and lengths.
 LOOSE = {
     "analysis": 30,
-    "api": 39,
+    "api": 38,
     "auditing": 45,
     "cli": 32,
     "compiled": 19,
@@ -34,11 +34,12 @@ LOOSE = {
     "equations": 10,
     "errors": 7,
     "expression": 8,
-    "formulations": 15,
+    "formulations": 14,
     "input": 6,
     "linear": 1,
-    "linearization": 18,
+    "linearization": 17,
     "model": 4,
+    "native": 5,
     "output": 124,
     "pfaffian": 49,
     "reporting": 9,

@@ -18,6 +18,7 @@ METHODS = {
     "lagcli.equations.power_series": "recurrences of coefficients",
     "lagcli.expression.enclosures": "enclosures by mpmath",
     "lagcli.expression.integers": "whole numbers between bounds that are formulas",
+    "lagcli.native.operations": "instructions for CasADi's operations",
     "lagcli.pfaffian.exact.normal_form": "the generators of an algebra",
     "lagcli.pfaffian.potential": "antiderivatives",
     "lagcli.pfaffian.tidy_integral": "exponentials written as hyperbolic functions",

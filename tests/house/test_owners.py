@@ -147,6 +147,7 @@ PASSES = {
     *("lagcli.equations.branch_cuts", "lagcli.equations.operation_rules"),
     *("lagcli.equations.power_series", "lagcli.compiled.contact_values", "lagcli.compiled.program"),
     *("lagcli.compiled.narrow_arguments", "lagcli.compiled.row_block", "lagcli.statics.kink_points"),
+    "lagcli.native.lowering",  # it writes each as an instruction, and asks nothing of it
 }
 
 

@@ -17,7 +17,8 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 
 
 def test_the_versions_are_those_of_the_project_file():
-    lines = [*PROJECT["dependencies"], *PROJECT["optional-dependencies"]["parquet"]]
+    extras = PROJECT["optional-dependencies"]
+    lines = [*PROJECT["dependencies"], *extras["parquet"], *extras["fast"]]
     found = dict(re.match(r"([a-z0-9]+)>=([0-9.]+)", line).groups() for line in lines)
     assert found == requirements.OLDEST
 

@@ -65,7 +65,7 @@ events:
   lowest: {when: a.vz, direction: up, action: record}
   taut: {when: multiplier(rod) - 20}
 simulation:
-  {start: 0, duration: 1, samples: 11, method: auto, rtol: 1e-9, atol: 1e-12, max_step: 0.1,
+  {start: 0, duration: 1, samples: 11, method: auto, compile: auto, rtol: 1e-9, atol: 1e-12, max_step: 0.1,
    assemble: true, keep: [theta, e.x]}
 """
 

@@ -25,5 +25,6 @@ COMMANDS = {
     "new": "Write a commented model to start from.",
     "schema": "Print the JSON Schema of model files, for editors.",
     "report": "One page about a model: verdicts, equations, motion, audit.",
+    "cache": "Print what is kept of native code, or delete it.",
     "explain": "Explain an error or warning and how to fix it.",
 }

@@ -98,13 +98,6 @@ def codes(ctx: typer.Context, incomplete: str) -> list[str]:
     return [code for code in catalogue.codes() if code.startswith(incomplete)]
 
 
-def methods(ctx: typer.Context, incomplete: str) -> list[str]:
-    """The integration schemes."""
-    from lagcli.model import settings as schemes
-
-    return [name for name in schemes.METHODS if name.startswith(incomplete)]
-
-
 def _listed(names: Iterable[str], incomplete: str) -> list[str]:
     before, comma, start = incomplete.rpartition(",")
     return _shown(f"{before}{comma}{name}" for name in dict.fromkeys(names) if name.startswith(start))

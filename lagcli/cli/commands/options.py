@@ -35,8 +35,6 @@ def _seconds(context: typer.Context, option: typer.CallbackParam, value: float) 
 
 Completion: TypeAlias = Callable[..., Sequence[str | tuple[str, str]]]
 Keywords: TypeAlias = dict[str, Any]  # of a function of the API
-# Of settings that are names.
-_COMPLETIONS: Keywords = {"method": completing.methods}
 
 
 def command(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -89,7 +87,14 @@ def _option(name: str, kind: object, row: settings.RunSetting) -> inspect.Parame
     flag = f"--{name.replace('_', '-')}"
     one_of = f": {row.holds.replace('`', '')}" if kind is str else ""
     help_line = row.meaning.replace("`samples`", "--samples") + one_of
-    names = {"metavar": "NAME", "autocompletion": _COMPLETIONS[name]} if kind is str else {}
+    names: Keywords = {}
+    if kind is str:
+        words = row.holds.split("`")[1::2]
+
+        def begun(incomplete: str) -> list[str]:
+            return [word for word in words if word.startswith(incomplete)]
+
+        names = {"metavar": "NAME", "autocompletion": begun}
     option = typer.Option(flag, help=help_line, **names)
     hint = bool if kind is bool else settings.keyword_types()[name]
     default = False if kind is bool else None

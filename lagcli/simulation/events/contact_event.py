@@ -22,7 +22,7 @@ from lagcli.contact import zero_search
 from lagcli.simulation.closed_contacts.contact_instant import PARAMETERS
 from lagcli.simulation.events import step_watch
 from lagcli.simulation.events.contact_decision import ContactChanges, SwitchSide
-from lagcli.simulation.events.event import Event, InstantLines
+from lagcli.simulation.events.event import Event, InstantLines, Screen
 from lagcli.simulation.events.step_watch import EventSizes, SingularStepWatch, StateAhead, StepWatch
 from lagcli.simulation.events.watch_functions import WatchFunctions
 from lagcli.simulation.run_state import run_stop
@@ -92,6 +92,16 @@ class ContactEvent(Event):
             at_zero = kinds.numbers[(watch.begin() == 0) & (kinds.numbers >= kinds.first_event)].tolist()
         run.note(last=run.t, unarmed=tuple(at_zero))
         run.settle()
+
+    def screen(self) -> Screen | None:
+        """See `Event`."""
+        run = self._stepper
+
+        def holds() -> bool:
+            contacts = run.contacts
+            return not (contacts.unarmed or contacts.again or contacts.ending)
+
+        return Screen(self._current().functions.clear, holds)
 
     def found(self, step: FoundStep) -> Cut | None:
         """See `Event`."""

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import NamedTuple
+
+import casadi as ca
 import numpy as np
 
 from lagcli.arrays import Floats
@@ -10,6 +14,15 @@ from lagcli.simulation.run_state.statistics import Incident, Kind
 from lagcli.simulation.scheme import method
 from lagcli.simulation.stepping.found_step import Cut, FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
+
+
+class Screen(NamedTuple):
+    """What tells that ordinary steps are nothing to an event, without asking it: nothing, where it foresees what it is
+    for, or a function clear(t, h, y, k, new, k_new, p) -> a number above 0 for such a step, and the largest -g_j at its
+    end, as long as `holds` is true."""
+
+    function: ca.Function | None = None
+    holds: Callable[[], bool] = lambda: True
 
 
 class Event:
@@ -31,6 +44,10 @@ class Event:
     def passes(self) -> FoundStep | None:
         """The step that leads over it where it is due; None where an ordinary step is to be found. Raises `StepFailure`
         where the motion does not go on."""
+        return None
+
+    def screen(self) -> Screen | None:
+        """See `Screen`, with the functions that the run has now; None where it has to be asked about each step."""
         return None
 
     def found(self, step: FoundStep) -> Cut | None:

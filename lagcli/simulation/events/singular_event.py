@@ -9,7 +9,7 @@ import numpy as np
 
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.selection import Selection
-from lagcli.simulation.events.event import Event, IncidentLog, InstantLines
+from lagcli.simulation.events.event import Event, IncidentLog, InstantLines, Screen
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.singularity import singularity_monitor
 from lagcli.simulation.singularity.singularity_monitor import NEVER, SingularityMonitor
@@ -75,6 +75,10 @@ class SingularEvent(Event):
             return self._across(found)
         run.let_go(reached, new)
         return self.passes()
+
+    def screen(self) -> Screen | None:
+        """See `Event`: where none is near is seen of the steps before."""
+        return Screen()
 
     def _across(self, singular_step: SingularStep) -> FoundStep:
         """The step across, with an incident for each row that takes part; none where the run begins."""

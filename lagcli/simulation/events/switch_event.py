@@ -10,7 +10,7 @@ from lagcli import doubles
 from lagcli.arrays import Floats
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.force_switches import ForceSwitches
-from lagcli.simulation.events.event import Event
+from lagcli.simulation.events.event import Event, Screen
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.scheme.bound_scheme import BoundStep
 from lagcli.simulation.stepping import stop_diagnosis
@@ -32,6 +32,11 @@ class SwitchEvent(Event):
         run = self._stepper
         if run.bound.enforced.system.contacts.count and (step := self.passes()):
             run.stand(step.reached, run.bound.new, run.bound.k_new)
+
+    def screen(self) -> Screen | None:
+        """See `Event`: steps that the timetable leaves free meet none."""
+        run = self._stepper
+        return Screen(holds=lambda: run.timetable.switch(run.t) is None)
 
     def passes(self) -> FoundStep | None:
         """See `Event`."""

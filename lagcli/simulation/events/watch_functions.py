@@ -151,6 +151,15 @@ class WatchFunctions:
         screen = SizedFunction("screen", arguments, [ca.densify(ca.vertcat(ca.mmin(clear), deepest, clear))])
         return self._written_out(screen)
 
+    @cached_property
+    def clear(self) -> Compiled:
+        """clear(t, h, y, k, new, k_new, p) -> a number above 0 where no function has a zero within the step, and the
+        largest -g at its end, which is 0 where only gaps above 0 are watched."""
+        function = self.hull or self.screen
+        inputs = function.mx_in()
+        numbers = function(*inputs)
+        return SizedFunction("clear", inputs, [ca.vertcat(numbers[0], 0.0 if self.hull else numbers[1])])
+
     def _written_out(self, function: Compiled) -> Compiled:
         """A function as one graph, which costs a fraction, where it only asks for gaps and is no large one."""
         if self._closed or self._events or self._numeric.gaps.n_instructions() > WRITTEN_OUT:

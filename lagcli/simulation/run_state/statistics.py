@@ -129,13 +129,15 @@ def named(values: tuple[object, ...]) -> dict[str, Any]:
 @dataclasses.dataclass(slots=True, kw_only=True)
 class RunStatistics(Counts):
     """The account of a run; `extremes` is None before its first row. resting: the energy of `RestingForces`; ended_by:
-    the name of the event that has ended the run; is_balanced: whether the work W is known up to here."""
+    the name of the event that has ended the run; is_balanced: whether the work W is known up to here; native_steps:
+    those that native code took."""
 
     solve_seconds: float = 0.0
     extremes: Extremes | None = None
     incidents: list[Incident] = dataclasses.field(default_factory=list)
     resting: float = 0.0
     ended_by: str | None = None
+    native_steps: int = 0
     is_balanced: bool = dataclasses.field(default=True, init=False)
 
     def __post_init__(self) -> None:

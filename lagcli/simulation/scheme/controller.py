@@ -53,6 +53,10 @@ class StepLengthParameters:
 PARAMETERS = StepLengthParameters()
 
 
+# A step of so many times the length proposed, that ends before the run, is not its last.
+NEARLY = 1.001
+
+
 class StepController:
     """The step proposed for a method of some order, and the time of the last look at the pace."""
 

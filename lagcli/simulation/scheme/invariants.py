@@ -56,15 +56,16 @@ Tried = frozenset[tuple[int, int]]  # integrals and their charts
 
 
 class RunFunctions:
-    """Compiled functions of a system, with those of a method built when a run first asks for them."""
+    """Compiled functions of a system, with those of a method built when a run first asks for them; steps: how many
+    were made with them."""
 
-    def __init__(self, numeric: NumericSystem, schemes: Memory | None = None) -> None:
+    def __init__(self, numeric: NumericSystem, memory: Memory | None = None) -> None:
         self.numeric = numeric
-        self._schemes = Memory() if schemes is None else schemes
+        self.memory, self.steps = Memory() if memory is None else memory, 0
 
     def scheme(self, method: Method) -> Scheme:
         """The compiled step and dense output of a method."""
-        return self._schemes.answer(method.name, lambda: Scheme(method, self.numeric))
+        return self.memory.answer(method.name, lambda: Scheme(method, self.numeric))
 
 
 class Integrals:

@@ -47,7 +47,7 @@ class StepTrial:
         # Where t occurs, a step has its stages at times that are told apart; without, the jump of a force may be
         # crossed in one rounding. That of a row may not: the velocity would have to jump.
         has_time, model = bound.numeric.has_time, bound.enforced.system.model
-        self._fewest = 1 if not has_time and named_functions.only_forces_may_jump(model) else 64
+        self.fewest = 1 if not has_time and named_functions.only_forces_may_jump(model) else 64
         self.rows = BoundRows(bound, method, witnesses.is_any)
         self.has_dense = False
 
@@ -85,7 +85,7 @@ class StepTrial:
     def is_too_short(self, taken: float, rejected: float) -> bool:
         """True where the time has too few roundings in a step; rejected: the end of the one tried before it."""
         t = self._bound.t[0]
-        return t + taken / self._fewest == t or (self._fewest == 1 and t + taken >= rejected)
+        return t + taken / self.fewest == t or (self.fewest == 1 and t + taken >= rejected)
 
     def make_dense(self, is_retaken: bool = False) -> None:
         """Make the dense output of the step, once; is_retaken: of one that was tried without keeping its stages."""

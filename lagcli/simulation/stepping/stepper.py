@@ -54,7 +54,7 @@ class Stepper:
         self.origin, self.grid = state.origin, grid
         resting = step_tolerance.resting_forces(enforced.system, enforced.functions.numeric)
         self.tolerance = step_tolerance.of_steps(settings, resting.acceleration)
-        self.method = method.of(settings)
+        self.method, self.compile = method.of(settings), settings.compile
         self.timetable = Timetable(timed, grid.start, grid.step, settings.max_step or math.inf, 1 - is_again)
         self._witnesses = Witnesses(grid, timed, self.origin, is_again)
         self._turns = Turns(enforced.system)
@@ -140,7 +140,7 @@ class Stepper:
                 from lagcli.simulation.stepping import stop_diagnosis
 
                 raise StepFailure(*stop_diagnosis.BELOW_ROUNDING)
-            last = not beyond and (reached >= end or end - reached < 1e-12 * h)
+            last = not beyond and (reached >= end or end - reached < doubles.VALUE * h)
             is_cut = last and not shorter
             if is_cut:
                 reached, taken = end, end - t
@@ -227,6 +227,11 @@ class Stepper:
         status = self.trial.project_end(reached, step.state((reached - step.t) / step.h))
         watch = self.watch.after(reached, status[1], status[2])
         return FoundStep(reached, step.h, self.control.step, watch, singular_step=singular_step)
+
+    @property
+    def has_turns(self) -> bool:
+        """True if angles are counted through all turns, behind each step."""
+        return self._turns.is_any
 
     @property
     def rank_margin(self) -> tuple[float, bool]:

@@ -117,6 +117,18 @@ class Timetable:
             h = self._switches[i].before - t
         return h
 
+    def free(self, t: float) -> tuple[float, float]:
+        """The time up to which steps may go on from t with nothing in their way that is known, and what none is longer
+        than."""
+        if self._is_empty:
+            return math.inf, self._longest
+        i = bisect.bisect_right(self._stationary_times, t) + self._passing
+        station = self._stationary_times[i] if i < len(self._stationary_times) else math.inf
+        i = bisect.bisect_right(self._switches, (t, math.inf))
+        switch = self._switches[i].before if i < len(self._switches) else math.inf
+        until = min(station, switch, self._known)
+        return until - 2 * PARAMETERS.still * math.ulp(until), self._longest
+
     def switch(self, t: float) -> tuple[float, float] | None:
         """The time of the switch at which t stands, and one on its other side; None where it stands at none."""
         if self._is_empty or not (self._functions and self._functions.switches):

@@ -1,0 +1,81 @@
+"""Machine code of a module by llvmlite: made once, kept in the user's folder, called by addresses.
+
+No optimization that changes bits is on: no fast math, no contraction, no vectors across independent sums.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Sequence
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, cast
+
+import casadi as ca
+
+from lagcli.errors import requirements
+from lagcli.native import object_folder
+from lagcli.native.paying import LIBRARY
+
+# Code is made soonest at the first level; at the last it runs about twice as fast, and takes ten times as long to make.
+SOON, BEST = 0, 1
+
+
+def is_installed() -> bool:
+    """True if native code can be made here."""
+    return find_spec(LIBRARY) is not None and not requirements.too_old([LIBRARY])
+
+
+@cache
+def _llvm() -> Any:
+    import llvmlite.binding as llvm  # loaded where native code pays
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm
+
+
+def _machine(level: int) -> Any:
+    """The processor at hand by its general kind: code made here runs on each of that kind, with the same bits."""
+    return _llvm().Target.from_default_triple().create_target_machine(opt=level, jit=True)
+
+
+@cache
+def _sources() -> bytes:
+    """The files that make text of functions: other files may make other text of the same functions."""
+    return b"".join(file.read_bytes() for file in sorted(Path(__file__).parent.glob("*.py")))
+
+
+def key(functions: Sequence[ca.Function], text: str) -> tuple[str, int]:
+    """The name of the code of functions, and of further text that calls them, on this kind of machine; and the bytes
+    of the functions as CasADi writes them."""
+    llvm, packed = _llvm(), ca.StringSerializer()
+    for function in functions:
+        packed.pack(function)
+    versions = f"{llvm.llvm_version_info} {llvm.get_default_triple()} {ca.CasadiMeta.version()}"
+    content = packed.encode().encode()
+    return object_folder.key([content, text.encode(), versions.encode(), _sources()]), len(content)
+
+
+def made(text: str, level: int) -> bytes:
+    """The object file of a module's text."""
+    llvm = _llvm()
+    module, machine = llvm.parse_assembly(text), _machine(level)
+    return bytes(machine.emit_object(module))
+
+
+class MachineCode:
+    """The functions of an object file."""
+
+    def __init__(self, code: bytes) -> None:
+        llvm = _llvm()
+        self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine(SOON))
+        self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+        self._engine.finalize_object()
+
+    def function(self, name: str) -> Callable[[ctypes.Array[ctypes.c_void_p]], None]:
+        """A function of one table of addresses; others run while it does."""
+        function: Any = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self._engine.get_function_address(name))
+        function.code = self  # which lives as long
+        return cast("Callable[[ctypes.Array[ctypes.c_void_p]], None]", function)
