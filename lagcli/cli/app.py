@@ -47,9 +47,16 @@ class Command(TyperCommand):
     """One command."""
 
     def parse_args(self, ctx: Click, args: list[str]) -> list[str]:
-        """Options and arguments; an unknown option, or an argument too many, with a hint."""
+        """Options and arguments; an unknown option, one without its value, or an argument too many, with a hint."""
         ctx.allow_extra_args = True  # they are refused here, with what was meant
         left = _parsed(super().parse_args, ctx, args)
+        options = [option for option in self.get_params(ctx) if option.opts[0].startswith("-")]
+        names = {name for option in options for name in option.opts}
+        for option in options:
+            value = ctx.params.get(option.name)
+            for taken in value if isinstance(value, (list, tuple)) else (value,):
+                if str(taken) in names:
+                    ctx.fail(f"`{option.opts[0]}` has no value: `{taken}` is an option itself")
         if ctx.args and not ctx.resilient_parsing:  # the latter while a shell completes
             first = ctx.args[0]
             shown = diagnostics.printable(first).replace("\n", " ")[:200]

@@ -130,6 +130,8 @@ def test_a_copy_never_replaces_another_file_unasked(command: Command, folder: pa
         (("audit", "swing.yaml", "--table", "run.csv"), "did you mean `--run`?"),
         (("audit", "swing.yaml", "other.yaml"), "`other.yaml` is one argument too many\n"),
         (("dof", "swing.yaml", "run\x1b.csv"), "is one argument too many\n"),
+        (("simulate", "swing.yaml", "--stats", "-o", "x.csv"), "`--stats` has no value: `-o` is an option"),
+        (("dof", "swing.yaml", "--set", "--json"), "`--set` has no value: `--json` is an option"),
         (("sweep", "swing.yaml", "--vary", "m=1:2:3"), "did you mean `--over`?"),
         (("--verson",), "did you mean `--version`?"),
         (("dof", "swing.yaml", "--\x1b[31m"), "there is no option"),
