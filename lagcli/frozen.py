@@ -41,12 +41,11 @@ class _Shared:
     __match_args__: ClassVar[tuple[str, ...]]
 
     def __init__(self, /, *values: object, **named: object) -> None:
-        names = self.__match_args__
-        given = dict(zip(names, values, strict=False))
-        wrong = [name for name in named if name in given or name not in names]
-        if wrong or len(values) > len(names):
+        names, fields = self.__match_args__, self.__dataclass_fields__
+        given = dict(zip(names, values, strict=False)) | named
+        # As many as were given where none is given twice.
+        if len(given) < len(values) + len(named) or not fields.keys() >= named.keys():
             raise TypeError(f"{type(self).__name__} takes each of {', '.join(names)} once, and nothing else")
-        given |= named
         if len(given) < len(names):
             given |= {name: _default(self, name) for name in names if name not in given}
         self.__dict__.update(given)
@@ -78,4 +77,5 @@ def _default(made: _Shared, name: str) -> object:
 
 
 def _compared(made: _Shared) -> tuple[object, ...]:
-    return tuple(getattr(made, field.name) for field in dataclasses.fields(made) if field.compare)
+    values, fields = made.__dict__, made.__dataclass_fields__
+    return tuple([values[name] for name in made.__match_args__ if fields[name].compare])
