@@ -128,7 +128,7 @@ def same_bits(a: np.ndarray, b: np.ndarray) -> bool:
 
 
 def untimed(stats: Any) -> Any:
-    return dataclasses.replace(stats, compile_seconds=0, solve_seconds=0)
+    return dataclasses.replace(stats, compile_seconds=0, solve_seconds=0, native_steps=0)
 
 
 def cut(text: str, rows: int, **options: Any) -> tuple[np.ndarray, checkpoint.Checkpoint]:

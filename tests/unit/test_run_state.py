@@ -51,5 +51,6 @@ def test_a_resumed_run_has_every_count_of_its_checkpoint(
 def test_the_account_of_a_run_counts_what_its_state_counts() -> None:
     names = {field.name for field in dataclasses.fields(Counts)}
     own = {field.name for field in dataclasses.fields(RunStatistics)} - names
-    assert own == {"solve_seconds", "extremes", "incidents", "resting", "ended_by", "is_balanced"}
+    of_account = {"solve_seconds", "extremes", "incidents", "resting", "ended_by", "is_balanced"}
+    assert own == {*of_account, "native_steps"}
     assert names < {field.name for field in dataclasses.fields(checkpoint.RunState)}
