@@ -161,15 +161,18 @@ class Run:
             has_advanced = True
 
     def _advance_in_native_code(self) -> None:
-        """Take ordinary steps in native code, none or more, once that pays: its library takes long to load."""
-        functions = self.stepper.bound.enforced.functions
+        """Take ordinary steps in native code, none or more, once that pays: its library takes long to load. The last
+        step of a run is none of them."""
+        stepper = self.stepper
+        functions = stepper.bound.enforced.functions
         functions.steps += 1
         if self._native is None:
-            if self._compile != "always" and not paying.pays(functions.steps):
+            is_last = stepper.t + stepper.control.step >= self.grid.end
+            if is_last or (self._compile != "always" and not paying.pays(functions.steps)):
                 return
             from lagcli.simulation.native_steps import NativeSteps
 
-            self._native = NativeSteps(self.stepper, self.writer, self._events, self._compile)
+            self._native = NativeSteps(stepper, self.writer, self._events, self._compile)
         self._native.advance()
 
     def _find_step(self) -> None:

@@ -208,7 +208,7 @@ class NativeSteps:
         if code is None:
             return
         bound, rows = self._run.bound, self._run.trial.rows
-        t, h, y, k, tolerance, p = bound.step.arguments
+        t, h, y, k, tolerance, p = bound.arguments
         new, k_new, status, *stages = bound.staged.results
         arrays = {"t": t, "h": h, "y": y, "k": k, "tolerance": tolerance, "p": p}
         arrays |= {"new": new, "k_new": k_new, "status": status, "coefficients": rows.dense.results[0]}

@@ -38,8 +38,8 @@ class RowWriter:
         stepper.row_time = self.grid.time(next_row)
         # What the rows say of contacts: columns of their multipliers, and of the positions.
         system = stepper.bound.enforced.system
-        columns = {name: i for i, name in enumerate(system.columns, start=1)}
         self._names = system.model.contact_names
+        columns = {name: i for i, name in enumerate(system.columns, start=1)} if self._names else {}
         self.multipliers = [columns[f"lambda.{name}"] for name in self._names]
         self._positions = [columns[name] for name in system.model.coordinate_names] if self._names else []
 
@@ -72,8 +72,7 @@ class RowWriter:
     def put_begin(self) -> None:
         """Write the next row from the state where the run stands."""
         run, rows = self._stepper, self._stepper.trial.rows
-        rows.at[0] = run.origin + run.t
-        rows.begin.trigger()
+        rows.put(run.origin + run.t, run.bound.y)
         rows.cells[0] = run.origin + run.row_time
         self._put_line()
 
@@ -144,7 +143,7 @@ class RowWriter:
                 rows.x[0] = (row_time - t) / taken
                 rows.inside.trigger()
             else:
-                rows.end.trigger()
+                rows.put(rows.at[0], run.bound.new)
             self._put_line(step)
         return True
 

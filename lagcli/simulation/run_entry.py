@@ -81,8 +81,7 @@ class RunReport:
 
 class RunInBlocks:
     """A run that is ready to go: iterate `blocks` once. columns: of its rows, t first; grid: their times; skipped_rows:
-    lost to another grid than that of the checkpoint; handed_out: rows up to there; report: of the run up to the last
-    block."""
+    lost to another grid than that of the checkpoint; handed_out: rows up to there."""
 
     def __init__(
         self,
@@ -95,23 +94,10 @@ class RunInBlocks:
         self._run, self.reference = run, reference
         self.columns = ("t", *columns, *(reference.COLUMNS if reference else ()))
         self.grid, self.skipped_rows, self.handed_out = grid.of_run(settings), run.skipped_rows, handed_out
-        self.report = self._report()
 
     def blocks(self) -> Iterator[RunBlock]:
         """Blocks of complete rows, each with its incidents. Raises `run_stop.RunStop` after the last one."""
-        run = self.reference or self._run
-        is_reported = False
-        try:
-            for block in run.blocks():
-                self.report = self._report()
-                is_reported = True
-                yield block
-                is_reported = False
-        finally:
-            # Of a run that stops or is interrupted the report is that of the time reached. A run that nobody goes on
-            # with has reported; it may be given up where Python ends, and no module can be loaded any more.
-            if not is_reported:
-                self.report = self._report()
+        return (self.reference or self._run).blocks()
 
     def run_state(self) -> RunState:
         """The state to go on from after all blocks so far; for the time between two of them, or after the last."""
@@ -126,7 +112,9 @@ class RunInBlocks:
         assert self.reference is not None
         return self.reference.of_table(rows)
 
-    def _report(self) -> RunReport:
+    @property
+    def report(self) -> RunReport:
+        """The report of the time reached: the end of the last block, or where the run stopped or was interrupted."""
         run, again = self._run.stepper, self.reference
         statistics, y, n = copy.copy(run.statistics), run.bound.y.copy(), run.bound.y.size // 2
         selection = run.bound.enforced.selection

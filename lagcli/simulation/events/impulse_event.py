@@ -101,7 +101,7 @@ class StepCurve:
         t, x = np.zeros(1), np.zeros(1)
         self._t, self._x = cells(t), cells(x)
         bound = run.bound
-        _, h, y, k, _, _ = bound.step.arguments
+        _, h, y, k, _, _ = bound.arguments
         self._on_cubic = [t, h, y, bound.new, k, bound.k_new, bound.enforced.p]
         self._arguments = [t, h, x, y, run.trial.rows.dense.results[0].T, bound.enforced.p]
         self._margin = BoundFunction(functions.margin, self._on_cubic)

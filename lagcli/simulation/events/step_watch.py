@@ -50,7 +50,7 @@ class StepWatch:
         self.are_gaps[: self.is_open.size] = self.is_open
         t, x = np.zeros(1), np.zeros(1)
         self._t, self._x, self._state = cells(t), cells(x), x
-        _, h, y, k, _, p = run.bound.step.arguments
+        _, h, y, k, _, p = run.bound.arguments
         self._arguments = [t, h, y, k, run.bound.new, run.bound.k_new, p]
         self._hull = None if functions.hull is None else BoundFunction(functions.hull, self._arguments)
         self._floor = None if self._hull is None else cells(self._hull.results[0])
@@ -386,7 +386,7 @@ def within(watch: StepWatch, found: FoundStep, x: float, index: int) -> tuple[fl
     part x of the step on, by a step of its own up to there."""
     run, bound = watch.run, watch.run.bound
     step = bound.enforced.functions.scheme(run.method).step
-    _, _, y, k, tolerance, p = bound.step.arguments
+    _, _, y, k, tolerance, p = bound.arguments
     slope = float(watch.inside(x)[1][index]) / found.taken
     tau, best = x * found.taken, math.inf
     for _ in range(REFINED):

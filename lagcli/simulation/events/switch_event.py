@@ -114,7 +114,7 @@ class StickingEvent(Event):
         if not step.is_ordinary:
             return
         if self._drawn is None or self._drawn[0] is not bound:
-            _, h, y, k, _, _ = bound.step.arguments
+            _, h, y, k, _, _ = bound.arguments
             function = self._switches.drawn
             p = bound.p[: function.size1_in(6)]
             arguments = [np.zeros(1), h, y, k, bound.new, bound.k_new, p]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import cached_property
 
 import numpy as np
 
@@ -16,27 +17,48 @@ from lagcli.start.initial import State
 
 
 class BoundStep:
-    """A step from t, y with k = y'(t, y) to new with k_new = y', and what else is asked at a state. t, h, status,
-    scratch_t: memory of plain floats; scratch: `NumericSystem.project` on arrays (t, y, p) of its own."""
+    """A step from t, y with k = y'(t, y) to new with k_new = y', and what else is asked at a state; functions are bound
+    when they are first asked for. t, h, status: memory of plain floats; arguments: of the step, (t, h, y, k, tolerance,
+    p)."""
 
     def __init__(self, enforced: EnforcedInvariants, method: Method, y: Floats, tolerance: Floats) -> None:
         self.p = enforced.parameters
         # A run counts its turns in numbers of its own, which are a part of those that the functions take.
         self.enforced = dataclasses.replace(enforced, p=self.p[: enforced.p.size])
-        self.numeric, scheme = enforced.functions.numeric, enforced.functions.scheme(method)
-        t, h, scratch = (np.zeros(1) for _ in range(3))
+        functions = enforced.functions
+        self.numeric, self._step = functions.numeric, functions.scheme(method).step
+        t, h = np.zeros(1), np.zeros(1)
         self.y, self.k = y, np.zeros(y.size)
-        self.rhs = BoundFunction(self.numeric.rhs, [t, y, self.p])
-        self.project = BoundFunction(self.numeric.project, [t, y, self.p])
-        self.scratch = BoundFunction(self.numeric.project, [scratch, np.zeros(y.size), self.p])
         self._blurred = tolerance[step_tolerance.BLURRED]
         self.is_blurred, self._roundings = False, list[BoundFunction]()
-        arguments = [t, h, y, self.k, tolerance, self.p]
-        self.step = BoundFunction(scheme.step, arguments, wanted=3)
-        self.new, self.k_new, status = self.step.results
-        # The same step with its stages, for the dense output of one that holds rows.
-        self.staged = BoundFunction(scheme.step, arguments, given=self.step.results)
-        self.t, self.h, self.scratch_t, self.status = map(cells, (t, h, scratch, status))
+        self.arguments = t, h, y, self.k, tolerance, self.p
+        self._results = self.new, self.k_new, status = [np.zeros(self._step.size1_out(i)) for i in range(3)]
+        self.t, self.h, self.status = map(cells, (t, h, status))
+
+    @cached_property
+    def step(self) -> BoundFunction:
+        """The step alone."""
+        return BoundFunction(self._step, self.arguments, given=self._results, wanted=3)
+
+    @cached_property
+    def staged(self) -> BoundFunction:
+        """The same step with its stages, for the dense output of one that holds rows."""
+        return BoundFunction(self._step, self.arguments, given=self._results)
+
+    @cached_property
+    def rhs(self) -> BoundFunction:
+        """y'(t, y)."""
+        return BoundFunction(self.numeric.rhs, [self.arguments[0], self.y, self.p])
+
+    @cached_property
+    def project(self) -> BoundFunction:
+        """`NumericSystem.project` from where it stands."""
+        return BoundFunction(self.numeric.project, [self.arguments[0], self.y, self.p])
+
+    @cached_property
+    def scratch(self) -> BoundFunction:
+        """`NumericSystem.project` from elsewhere."""
+        return BoundFunction(self.numeric.project, [np.zeros(1), np.zeros(self.y.size), self.p])
 
     def begin(self, t: float, k: Floats, row_step: float, is_blurred: bool | None = None) -> None:
         """Stand at a time with a rate (2n + 1,); row_step: the time between rows; is_blurred: whether rounding counts
@@ -72,36 +94,52 @@ class BoundStep:
 
     def projected_at(self, t: float, y: Floats) -> list[Floats]:
         """The results of `NumericSystem.project`, in memory that the next call overwrites."""
-        self.scratch_t[0], self.scratch.arguments[1][:] = t, y
-        self.scratch.trigger()
-        return self.scratch.results
+        scratch = self.scratch
+        scratch.arguments[0][0], scratch.arguments[1][:] = t, y
+        scratch.trigger()
+        return scratch.results
 
 
 class BoundRows:
-    """The dense output of a step and its lines: begin, inside, end and aside write `line`, at the time in `at`. at, x,
-    cells: memory of plain floats, of the time, the fraction of the step and the line; aside has a state of its own;
-    defect: None but for a run with witnesses."""
+    """The dense output of a step and its lines, bound when they are first asked for: inside and `put` write `line`. at,
+    x, cells: memory of plain floats, of the time, the fraction of the step and the line; defect: None but for a run
+    with witnesses."""
 
     def __init__(self, bound: BoundStep, method: Method, is_witnessed: bool) -> None:
-        scheme = bound.enforced.functions.scheme(method)
-        t, h, y, k, tolerance, p = bound.step.arguments
-        at, x = np.zeros(1), np.zeros(1)
-        self.dense = BoundFunction(
-            scheme.dense, [t, h, y, bound.new, bound.k_new, p, k, *bound.staged.results[3:]]
-        )
-        coefficients = self.dense.results[0].T
+        self._bound, self._scheme = bound, bound.enforced.functions.scheme(method)
+        # What builds functions is no part of the steps, and takes its time before them.
+        self._functions = self._scheme.dense, self._scheme.line_inside
+        self._at, self._x = np.zeros(1), np.zeros(1)
+        self.line = np.zeros(self._scheme.line_at.size1_out(0))
+        self.at, self.x, self.cells = cells(self._at), cells(self._x), cells(self.line)
         self.defect: BoundFunction | None = None
         if is_witnessed:
-            self.defect = BoundFunction(scheme.defect, [at, x, h, y, coefficients, tolerance, p])
-        self.inside = BoundFunction(scheme.line_inside, [at, x, y, coefficients, p])
-        given = self.inside.results
-        self.begin = BoundFunction(scheme.line_at, [at, y, p], given=given)
-        self.scratch = BoundFunction(scheme.line_at, [at, np.zeros(y.size), p], given=given)
-        self.end = BoundFunction(scheme.line_at, [at, bound.new, p], given=given)
-        self.line = given[0]
-        self.at, self.x, self.cells = cells(at), cells(x), cells(self.line)
+            _, h, y, _, tolerance, p = bound.arguments
+            arguments = [self._at, self._x, h, y, self.dense.results[0].T, tolerance, p]
+            self.defect = BoundFunction(self._scheme.defect, arguments)
+
+    @cached_property
+    def dense(self) -> BoundFunction:
+        """The coefficients of the dense output."""
+        (t, h, y, k, _, p), bound = self._bound.arguments, self._bound
+        arguments = [t, h, y, bound.new, bound.k_new, p, k, *bound.staged.results[3:]]
+        return BoundFunction(self._functions[0], arguments)
+
+    @cached_property
+    def inside(self) -> BoundFunction:
+        """The line at the fraction x of the step, at the time in `at`."""
+        bound, coefficients = self._bound, self.dense.results[0].T
+        arguments = [self._at, self._x, bound.y, coefficients, bound.p]
+        return BoundFunction(self._functions[1], arguments, given=[self.line])
+
+    @cached_property
+    def _anywhere(self) -> BoundFunction:
+        bound = self._bound
+        arguments = [self._at, np.zeros(bound.y.size), bound.p]
+        return BoundFunction(self._scheme.line_at, arguments, given=[self.line])
 
     def put(self, t: float, y: Floats) -> None:
-        """Write the line of another state (2n + 1,)."""
-        self.at[0], self.scratch.arguments[1][:] = t, y
-        self.scratch.trigger()
+        """Write the line of a state (2n + 1,) at a time."""
+        anywhere = self._anywhere
+        self.at[0], anywhere.arguments[1][:] = t, y
+        anywhere.trigger()

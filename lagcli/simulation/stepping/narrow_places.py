@@ -43,7 +43,7 @@ class NarrowPlaces:
     def __init__(self, arguments: NarrowArguments, bound: BoundStep) -> None:
         self._arguments, self._h = arguments, bound.h
         values, passes = arguments.values, arguments.passes
-        _, h, y, k, _, p = bound.step.arguments
+        _, h, y, k, _, p = bound.arguments
         size = values.size1_in(2)
         t = np.zeros(1)
         self._values = BoundFunction(values, [np.zeros(1), np.zeros(y.size), p[:size]])

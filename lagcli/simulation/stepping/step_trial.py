@@ -115,7 +115,7 @@ class StepTrial:
     def plain_end(self) -> Floats | None:
         """The state (2n + 1,) to which the step leads without integrals; None where it is not right without them."""
         bound, plain = self._bound, self._bound.enforced.plain
-        *arguments, _ = bound.step.arguments
+        *arguments, _ = bound.arguments
         function = plain.functions.scheme(self._method).step
         step = BoundFunction(function, [*arguments, plain.parameters], wanted=3)
         step.trigger()
@@ -144,7 +144,7 @@ class StepTrial:
         bound = self._bound
         bound.staged.trigger()
         self.make_dense()
-        span = bound.t[0], step.taken, bound.step.arguments[4][0]
+        span = bound.t[0], step.taken, bound.arguments[4][0]
         dense = self.dense()
         work = work_integral.within(bound.scratch, span, bound.y, lambda x: dense(x).T)
         self.count_scratch()
