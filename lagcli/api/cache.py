@@ -20,6 +20,7 @@ from lagcli.start import consistent_start, initial
 
 if TYPE_CHECKING:
     # Counts and verdicts come without a run.
+    from lagcli.simulation.loop import RunStart
     from lagcli.simulation.run_entry import CachedFunctions
     from lagcli.start.assembly import Assembly
 
@@ -31,7 +32,7 @@ class CompiledModel:
 
     def __init__(self, built: system.System, numeric: NumericSystem | None = None) -> None:
         self.system, self.numeric = built, numeric or NumericSystem(built)
-        self._starts = memory.Memory(MOST_CACHED)
+        self._starts, self._begin = memory.Memory(MOST_CACHED), memory.Memory(1)
 
     @cached_property
     def cached(self) -> CachedFunctions:
@@ -50,6 +51,17 @@ class CompiledModel:
         same = CompiledModel(moved, self.numeric)
         same.cached, same._starts = self.cached, self._starts
         return same
+
+    def begin(self, known: KnownIntegrals | None, limit: float) -> tuple[ExaminedStart, RunStart]:
+        """The start of a run with the settings of the model, and what it goes with; see `prepare_run.start`."""
+
+        def found() -> tuple[ExaminedStart, RunStart]:
+            start = self.examined_start(known, limit)
+            integrals, notes = start.known.integrals, start.known.notes
+            chosen = start.selection, start.is_singular
+            return start, self.cached.run_start(self.system, start.state, *chosen, integrals, notes)
+
+        return found() if known is not None else self._begin.answer(limit, found)
 
     def examined_start(self, known: KnownIntegrals | None, limit: float) -> ExaminedStart:
         """See `examined_start.examine`; runs that differ in their rows and tolerances share it."""
@@ -74,9 +86,14 @@ _compiled = memory.Memory(MOST_CACHED)
 @progress.phase("building the equations")
 def compiled(model: Model) -> CompiledModel:
     """The compiled system of a model. Other values of parameters or of the start need no new build."""
-    size_limits.require_built(model)
     key = model.path, model.fingerprint  # a reported location contains the path
     known = _compiled.known(key)
+    if isinstance(known, CompiledModel):
+        before = known.system.model
+        # Equal models were perhaps changed in another way, which tables tell.
+        if before == model and (before.changes, before.sha256) == (model.changes, model.sha256):
+            return known
+    size_limits.require_built(model)
     same = known.with_values(model) if isinstance(known, CompiledModel) else None
     result = same or CompiledModel(system.build(model))
     _compiled.keep(key, result)

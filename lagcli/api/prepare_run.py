@@ -87,11 +87,7 @@ def start_compiled(
     began: of `time.perf_counter`, when the work for it did; otherwise as `start`.
     """
     began = time.perf_counter() if began is None else began
-    start = ready.examined_start(known, limit)
-    integrals, notes = start.known.integrals, start.known.notes
-    first = ready.cached.run_start(
-        ready.system, start.state, start.selection, start.is_singular, integrals, notes
-    )
+    start, first = ready.begin(known, limit)
     run = run_entry.begin(ready.system, ready.cached, first, digits, ends_only)
     return SimulationRun(ready.system, ready.numeric, start, run, time.perf_counter() - began)
 

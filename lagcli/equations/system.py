@@ -43,6 +43,7 @@ class System:
     on; R (N, 3) flattened, Q_R = B^T lambda + G^T lambda (n); event_values (E,): `when` of the declared events;
     T, V, energy, jacobi, power as in `energy.Dynamics`; outputs flattened.
     built_in: parameters that stand in exponents, with the values built into the expressions.
+    columns: of the table after `t`, in the order of the specification.
     None where there are none: kinks, where the gradients of rows jump; cuts, f continued across the cuts of angles;
     jumps, where potentials, the Lagrangian or positions jump.
     """
@@ -67,6 +68,7 @@ class System:
     cuts: Cuts | None
     jumps: EnergyJumps | None
     warnings: tuple[diagnostics.Diagnostic, ...]
+    columns: tuple[str, ...]
 
     @property
     def f(self) -> ca.SX:
@@ -82,19 +84,6 @@ class System:
     def multiplier_rows(self) -> tuple[ConstraintRow, ...]:
         """The rows of all multipliers in their order: equality rows, then contacts."""
         return (*self.rows.rows, *self.contacts.rows)
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """The columns of the table after `t`, in the order of the specification."""
-        model = self.model
-        particles, generalized = model.particle_names, model.generalized_names
-        names = [f"{name}.{part}" for name in particles for part in ("x", "y", "z", "vx", "vy", "vz")]
-        names += [column for name in generalized for column in (name, f"rate({name})")]
-        names += [f"lambda.{row.name}" for row in self.multiplier_rows]
-        names += [f"R.{name}.{axis}" for name in particles for axis in "xyz"]
-        names += [f"R.{name}" for name in generalized]
-        names += ["energy", *(column for output in model.outputs for column in output.columns)]
-        return tuple(names)
 
 
 # Other rows and dynamics of the same coordinates, in place of those a model declares.
@@ -169,7 +158,19 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
         cuts=cuts,
         jumps=jumps,
         warnings=_reaction_warnings(model, s, env, dynamics),
+        columns=_columns(model, (*equalities.rows, *contacts.rows)),
     )
+
+
+def _columns(model: nouns.Model, constraints: Sequence[ConstraintRow]) -> tuple[str, ...]:
+    particles, generalized = model.particle_names, model.generalized_names
+    names = [f"{name}.{part}" for name in particles for part in ("x", "y", "z", "vx", "vy", "vz")]
+    names += [column for name in generalized for column in (name, f"rate({name})")]
+    names += [f"lambda.{row.name}" for row in constraints]
+    names += [f"R.{name}.{axis}" for name in particles for axis in "xyz"]
+    names += [f"R.{name}" for name in generalized]
+    names += ["energy", *(column for output in model.outputs for column in output.columns)]
+    return tuple(names)
 
 
 def reaction(B: ca.SX, lam: ca.SX) -> ca.SX:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 
+from lagcli import memory
 from lagcli.expression import functions, tree
 from lagcli.frozen import frozen_value
 from lagcli.model.model import Model
@@ -39,8 +40,15 @@ def base(name: str) -> str:
     return re.split(r"[\[.]", name, maxsplit=1)[0]
 
 
+_found = memory.Memory()
+
+
 def of(model: Model) -> DimensionFacts:
     """The dimensions that the expressions of a model tell; d(...) and velocities count as lengths."""
+    return _found.answer((model.path, model.fingerprint), lambda: _find(model))
+
+
+def _find(model: Model) -> DimensionFacts:
     particles = frozenset(particle.members.base for particle in model.particles)
     coordinates = frozenset(coordinate.members.base for coordinate in model.coordinates)
     # Angles are a term, alone or times a number, of what a circular function is taken of.

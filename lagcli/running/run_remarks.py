@@ -56,7 +56,8 @@ def energy_error(numeric: NumericSystem, settings: Simulation, start: State, rep
     potential, or a row that moves."""
     counted, extremes = report.statistics, report.extremes
     off, exchanged = extremes.imbalance, report.exchanged
-    if not off > TOLERANCES * settings.rtol * exchanged:
+    of_steps = statistics.LAST_DIGITS * max(1, counted.steps)
+    if not off > TOLERANCES * settings.rtol * exchanged + of_steps * extremes.largest:
         return 0.0
     if not numeric.is_conservative or counted.tally.impacts or not counted.is_balanced:
         return 0.0
@@ -70,7 +71,6 @@ def energy_error(numeric: NumericSystem, settings: Simulation, start: State, rep
         tolerance += settings.atol * float(max(np.abs(each).sum() for each in forces) + momentum)
     # The rounding of the energy, of the positions it is taken at and of its terms, in each of the steps.
     moved = [float(np.abs(each * state.q).sum()) for each, state in zip(forces, (start, last), strict=True)]
-    of_steps = statistics.LAST_DIGITS * max(1, counted.steps)
     rounding = of_steps * (max(moved) + extremes.largest)
     if off <= TOLERANCES * tolerance + rounding:  # the terms of a large system take longer than its run
         return 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -118,7 +118,9 @@ class SimulationRun:
     @functools.cached_property
     def incident_columns(self) -> IncidentColumns:
         """The columns of the table of incidents."""
-        return incident_table.columns(self.model, self.built.columns)
+        return self.numeric.memory.answer(
+            "columns of incidents", lambda: incident_table.columns(self.model, self.built.columns)
+        )
 
     @property
     def end(self) -> float:
@@ -128,7 +130,7 @@ class SimulationRun:
     @property
     def by_name(self) -> tuple[str, ...]:
         """Columns that are given only where they are asked for by name: `Q.theta`."""
-        return self._forces.names
+        return self._forces.names if self.model.coordinates else ()
 
     def taken(self, block: Floats, picked: list[int]) -> Floats:
         """Some columns of a block, by their numbers in `columns` and, after them, `by_name`."""
@@ -147,9 +149,12 @@ class SimulationRun:
     def _floors(self) -> table_columns.Floors:
         return self.floors()
 
-    def floors(self) -> table_columns.Floors:
-        """Limits of what is zero to rounding in a table of this run, when it has taken its rows."""
-        return table_columns.Floors(self.built, self.numeric, self.parameters, self.columns)
+    @property
+    def floors(self) -> Callable[[], table_columns.Floors]:
+        """What makes the limits of what is zero to rounding in a table of this run, when it has taken its rows."""
+        return functools.partial(
+            table_columns.Floors, self.built, self.numeric, self.parameters, self.columns
+        )
 
     def _known(self, found: Accuracy | None) -> Accuracy | None:
         """The accuracy with the kinds that are zero to rounding, and what the energy says against it."""

@@ -281,11 +281,12 @@ def in_memory(
     stats = run.stats
     seconds = time.perf_counter() - began - stats.compile_seconds
     stats = dataclasses.replace(stats, solve_seconds=seconds)
-    floors = run.floors()
+    find_floors, of_run = run.floors, run.columns
 
     def zeros() -> frozenset[str]:
-        floors.take(rows[:, : len(run.columns)] if has_all_columns else looked_at.rows())
-        return frozenset(itertools.compress(run.columns, floors.zeros()))
+        floors = find_floors()
+        floors.take(rows[:, : len(of_run)] if has_all_columns else looked_at.rows())
+        return frozenset(itertools.compress(of_run, floors.zeros()))
 
     names = tuple(everything[i] for i in picked)
     result = Trajectory(names, rows, stats, run.notes, incident_table.joined(incidents), zeros)

@@ -239,6 +239,8 @@ def select(columns: Sequence[str], patterns: str, by_name: Sequence[str] = ()) -
     that ``*`` alone leaves out, such as ``Q.theta``: a pattern must begin with their first word and its dot. Raises
     ``UnknownColumn`` for the first pattern without a match.
     """
+    if patterns == "*" and columns:
+        return list(range(len(columns)))
     chosen: dict[int, None] = {}
     everything = (*columns, *by_name)
     for pattern in (part.strip() for part in patterns.split(",")):

@@ -27,6 +27,7 @@ from lagcli.linear import decompositions, independent_rows, metric_rows
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse
 from lagcli.memory import Memory
 from lagcli.model.invariant import FirstIntegral
+from lagcli.simulation.scheme import step_tolerance
 from lagcli.simulation.scheme.method import Method, Scheme
 from lagcli.simulation.scheme.step_end import Compiled
 from lagcli.start import initial, projection
@@ -232,6 +233,11 @@ class EnforcedInvariants:
     def keeping(self, selection: Selection) -> EnforcedInvariants:
         """The invariants with a system stepped with other independent rows."""
         return dataclasses.replace(self, integrals=self.integrals.keeping(selection))
+
+    @cached_property
+    def resting_forces(self) -> step_tolerance.RestingForces:
+        """The forces at the declared start."""
+        return step_tolerance.resting_forces(self.system, self.functions.numeric)
 
     @property
     def has_time(self) -> bool:

@@ -52,7 +52,7 @@ class Stepper:
         is_again: bool = False,
     ) -> None:
         self.origin, self.grid = state.origin, grid
-        resting = step_tolerance.resting_forces(enforced.system, enforced.functions.numeric)
+        resting = enforced.resting_forces
         self.tolerance = step_tolerance.of_steps(settings, resting.acceleration)
         self.method, self.compile = method.of(settings), settings.compile
         self.timetable = Timetable(timed, grid.start, grid.step, settings.max_step or math.inf, 1 - is_again)
