@@ -7,6 +7,7 @@ configuration; differential rows that can be integrated add to it.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 from typing import Any, Literal
 
@@ -115,10 +116,11 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
     holonomic_rows = list(range(system.holonomic_count))
     is_holonomic = len(holonomic_rows) == len(names)
     lost = {i for i, name in enumerate(names) if name in found.lost}
-    looked = holonomic_rows, effective, lost
+    ranks = functools.partial(_ranks, numeric, holonomic_rows=holonomic_rows, effective=effective, lost=lost)
     points, vanishing = [begin], ""
-    on = _ranks(numeric, points, *looked)
+    on = ranks(points)
     surface = codimension.examine(system, numeric, begin)
+    is_singular, s = surface.kind == "singular", surface.codimension or 0
     if surface.kind == "deficient" and not is_holonomic:
         # Verdicts on differential rows beside these came from more directions than the surface has.
         numbers, coordinates = row_block.coordinates(system)
@@ -130,16 +132,33 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
     # Whether differential rows follow from rows before them, where doubles tell another rank than algebra and digits.
     known = [] if found.undecided else [group for group in found.groups if group.following is not None]
     exact = {name: name in (group.following or ()) for group in known for name in group.rows}
-    is_dependent = any(exact.values()) if exact else on.highest[1] < len(effective)
-    if is_dependent:  # rows that are independent at the start are so nearby
+
+    # Rows that are independent at the start are so nearby; of others generic points tell.
+    if any(exact.values()) if exact else on.highest[1] < len(effective):
         from lagcli.start import conflict  # here, as the rows of most models are independent
 
-        has_others = surface.kind != "deficient" and not exact and _is_lost(found, on)
-        if (has_others or surface.kind == "singular") and len(names) <= metric_rows.PARAMETERS.dense:
-            # The time of the start may be special too (t d(y) = 0 at t = 0).
+        # Differential rows may have another rank along the motions from the start than at it.
+        here, holonomic = on.everything[0].value, on.of_holonomic[0].value
+        is_lost = bool(found.groups)
+        if not found.undecided and here is not None and holonomic is not None:
+            is_lost = found.flag[0] != here - holonomic
+        is_lost = is_lost and surface.kind != "deficient" and not exact
+        if (is_lost or is_singular) and len(names) <= metric_rows.PARAMETERS.dense:
+            points = _generic(system, numeric, begin, holonomic_rows, 0.0)
+            on = ranks(points)
+            # What rows that lose rank at the start say of motions that stay where they do, and of those that come away,
+            # differs: from the origin x d(y) = y d(x) leads along every ray.
+            if not is_singular and on.everything[0].high < on.highest[1]:
+                vanishing = (
+                    f"the start is a special configuration: the rows have rank {on.everything[0].high} there and"
+                    f" {on.highest[1]} nearby, and motions that stay on such configurations need not be those that"
+                    " leave them"
+                )
+            # The time of the start may be special too (t d(y) = 0 at t = 0): that all motions leave.
             later = initial.later(system) if found.depends_on_time else 0.0
-            points, vanishing = _nearby(system, numeric, begin, looked, later, surface.kind == "singular")
-        on = _ranks(numeric, points, *looked)
+            if later:
+                points = _generic(system, numeric, begin, holonomic_rows, later)
+        on = ranks(points)
         # Of some rows algebra has shown that no combination of them and of others is a multiple of dt.
         groups = (one for one in found.groups if one.proof == "symbolic" or one.holonomic_rank)
         proved = {name for group in groups for name in group.rows}
@@ -149,29 +168,47 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
         vanishing = (
             f"`{names[min(lost)]}` vanishes at the start, and no point was found nearby where it does not"
         )
-    # Why the count is open, and its bounds.
+
+    # Why the count is open: by the surface or ranks, in which `exact` rows are not asked of doubles, ...
     open_reason = surface.reason or _undecided_tip(numeric, begin, holonomic_rows) or vanishing
-    open_reason = open_reason or _undecided_rank(on, surface, is_holonomic, exact)
+    if not open_reason:
+        generic = surface.rank if surface.kind == "deficient" else surface.codimension
+        if on.possible[0] != on.highest[0] or (on.possible != on.highest and not exact):
+            open_reason = "no gap in the singular values of the constraint rows decides their rank"
+        elif not (is_singular and is_holonomic) and on.highest[0] != generic:
+            open_reason = f"the holonomic rows have rank {on.highest[0]} where rank {generic} is proved"
+    # ... or by the differential rows
     rank_beyond = found.flag[0] if exact else on.highest[1] - on.highest[0]
     reason = open_reason or _undecided_rows(found, rank_beyond)
-    n, total = system.symbols.q.numel(), (surface.codimension or 0) + rank_beyond
-    # Real surfaces may be smaller than n - rows (x**2 + y**2 = 0): where the rank proves nothing, neither does the
-    # number of rows.
-    bounds = (0, n - on.of_holonomic[0].low) if open_reason else _bounds(n, surface, total, found)
-    if not open_reason and bounds[0] == bounds[1]:
+
+    # Its bounds: rows of undecided groups may be integrable or not. Ranks by numbers and by algebra may differ.
+    n, total = system.symbols.q.numel(), s + rank_beyond
+    decided_flags = [group.flag for group in found.groups if group.is_decided]
+    ends = (
+        n - total + sum(flag[0] - flag[-1] for flag in decided_flags),
+        n - s - sum(flag[-1] for flag in decided_flags),
+    )
+    bounds = min(ends), max(ends)
+    if any(group.may_demand for group in found.undecided):
+        # A condition g = 0 is a row that no rank has seen, and its differential may demand others.
+        bounds = 0, max(ends)
+    if open_reason:
+        # Real surfaces may be smaller than n - rows (x**2 + y**2 = 0): where the rank proves nothing, neither does the
+        # number of rows.
+        bounds = 0, n - on.of_holonomic[0].low
+    elif bounds[0] == bounds[1]:
         reason = ""  # whichever of the rows are integrable
-    decided, s = reason == "", n - bounds[1]
-    # What is said of it.
-    here, nearby = on.everything[0].value, on.highest[1]
-    if surface.kind == "singular":
-        nearby = (surface.codimension or 0) + rank_beyond
+    decided, holonomic_count = reason == "", n - bounds[1]
+
+    # What is said of it
+    here, nearby = on.everything[0].value, s + rank_beyond if is_singular else on.highest[1]
     notes = [*surface.notes, *found.notes]
     if here is not None and here < nearby:
         special = "the start is a special configuration: the rows have rank"
         notes.insert(0, f"{special} {here} there and {nearby} nearby")
-    generic = max(range(len(points)), key=lambda i: on.everything[i].low)
-    redundant = _redundant(numeric, points[generic], effective, surface)
-    redundant = [i for i, name in enumerate(names) if exact.get(name, i in redundant)]
+    best = max(range(len(points)), key=lambda i: on.everything[i].low)
+    follow = _redundant(numeric, points[best], effective, surface)
+    redundant = [i for i, name in enumerate(names) if exact.get(name, i in follow)]
     # Ranks are numbers, but for those of holonomic rows that exact algebra has met on its way.
     is_exact = sum(group.holonomic_rank for group in found.groups) == surface.codimension
     is_proved = bool(found.groups) and is_exact and all(one.proof == "symbolic" for one in found.groups)
@@ -179,10 +216,10 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
     counted = DofCount(
         particles=len(system.model.particle_names),
         coordinates=n,
-        holonomic=s if decided else None,
-        nonholonomic=total - s if decided else None,
+        holonomic=holonomic_count if decided else None,
+        nonholonomic=total - holonomic_count if decided else None,
         redundant=max(len(names) - total, len(redundant)) if decided else None,
-        configuration_dof=n - s if decided else None,
+        configuration_dof=n - holonomic_count if decided else None,
         velocity_dof=n - total if decided else None,
         proof=proof if decided else "none",
         bounds=bounds,
@@ -191,36 +228,41 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
         start_rank=on.everything[0].value,
         notes=() if open_reason else tuple(notes),
         rows=len(holonomic_rows),
-        rank=surface.codimension or 0 if surface.kind == "singular" else surface.rank,
+        rank=s if is_singular else surface.rank,
         contacts=system.contacts.count,
     )
     return Examined(counted, surface, points, found)
 
 
-def _nearby(
-    system: System,
-    numeric: NumericSystem,
-    begin: State,
-    looked: tuple[list[int], list[int], set[int]],
-    later: float,
-    is_singular: bool,
-) -> tuple[list[State], str]:
-    """Generic points, and why rows that lose rank at the start, and not beside it at the same time, leave the count
-    open: what they say of motions that stay where they do, and of those that come away, differs. From the origin x d(y)
-    = y d(x) leads along every ray. Where they are lost at one time alone, everywhere, all motions leave that.
+def _undecided_rows(found: Classification, rank_beyond: int) -> str:
+    """The reason why the differential rows leave the count open, or an empty text."""
+    for group in found.undecided[:1]:
+        rows = ", ".join(f"`{name}`" for name in group.rows)
+        verb = "is" if len(group.rows) == 1 else "are"
+        return f"whether {rows} {verb} integrable is undecided: {group.reason}"
+    if found.flag[0] == rank_beyond:
+        return ""
+    return f"the differential rows have rank {found.flag[0]} by algebra and {rank_beyond} by numbers"
 
-    looked: the rows that `_ranks` asks for; is_singular: the surface is known to be so at the start.
-    """
-    points, reason = _generic(system, numeric, begin, looked[0], 0.0), ""
-    if not is_singular:
-        on = _ranks(numeric, points, *looked)
-        here, nearby = on.everything[0].high, on.highest[1]
-        if here < nearby:
-            reason = (
-                f"the start is a special configuration: the rows have rank {here} there and {nearby} nearby, and"
-                " motions that stay on such configurations need not be those that leave them"
-            )
-    return _generic(system, numeric, begin, looked[0], later) if later else points, reason
+
+def _redundant(numeric: NumericSystem, point: State, effective: list[int], surface: Codimension) -> set[int]:
+    """The rows that follow from rows before them, at a generic point."""
+    from lagcli.linear import independent_rows  # here, as a walk over few rows asks nothing of it
+
+    rows = projection.plain_rows(numeric, point)
+    flags, among = np.ones(rows.count, dtype=bool), rows.take(effective)
+    found = rank.estimate(among).value if among.is_large else None
+    if found is None:
+        flags[effective] = independent_rows.redundant(among)
+    else:
+        following = independent_rows.dependence(among, found).following()
+        flags[effective] = np.isin(np.arange(among.count), following)
+    holonomic_rank = int(np.count_nonzero(~flags[: numeric.holonomic.size1_out(0)]))
+    if holonomic_rank < (surface.codimension or 0):
+        # Rows whose gradients depend on others there hold the surface all the same.
+        flags[list(surface.rows)] = False
+        flags[list(surface.follow)] = True
+    return set(np.flatnonzero(flags).tolist())
 
 
 def _generic(
@@ -244,48 +286,6 @@ def _generic(
         if len(found) > 1:
             break
     return found
-
-
-def _redundant(numeric: NumericSystem, point: State, effective: list[int], surface: Codimension) -> list[int]:
-    """The rows, in their order, that follow from rows before them, at a generic point."""
-    from lagcli.linear import independent_rows  # here, as a walk over few rows asks nothing of it
-
-    rows = projection.plain_rows(numeric, point)
-    flags, among = np.ones(rows.count, dtype=bool), rows.take(effective)
-    found = rank.estimate(among).value if among.is_large else None
-    if found is None:
-        flags[effective] = independent_rows.redundant(among)
-    else:
-        following = independent_rows.dependence(among, found).following()
-        flags[effective] = np.isin(np.arange(among.count), following)
-    holonomic_rank = int(np.count_nonzero(~flags[: numeric.holonomic.size1_out(0)]))
-    if holonomic_rank < (surface.codimension or 0):
-        # Rows whose gradients depend on others there hold the surface all the same.
-        flags[list(surface.rows)] = False
-        flags[list(surface.follow)] = True
-    return [int(i) for i in np.flatnonzero(flags)]
-
-
-def _bounds(n: int, surface: Codimension, total: int, found: Classification) -> tuple[int, int]:
-    """The bounds without the groups that are undecided: their rows may be integrable or not, and demand more."""
-    decided = [group.flag for group in found.groups if group.is_decided]
-    integrable, other = sum(flag[-1] for flag in decided), sum(flag[0] - flag[-1] for flag in decided)
-    ends = n - total + other, n - (surface.codimension or 0) - integrable
-    if any(group.may_demand for group in found.undecided):
-        # A condition g = 0 is a row that no rank has seen, and its differential may demand others.
-        return 0, max(ends)
-    return min(ends), max(ends)  # ranks by numbers and by algebra may differ, and the range is between them
-
-
-def _undecided_rows(found: Classification, rank_beyond: int) -> str:
-    """The reason why the differential rows leave the count open, or an empty text."""
-    for group in found.undecided:
-        rows = ", ".join(f"`{name}`" for name in group.rows)
-        verb = "is" if len(group.rows) == 1 else "are"
-        return f"whether {rows} {verb} integrable is undecided: {group.reason}"
-    if found.flag[0] != rank_beyond:
-        return f"the differential rows have rank {found.flag[0]} by algebra and {rank_beyond} by numbers"
-    return ""
 
 
 def _undecided_tip(numeric: NumericSystem, state: State, holonomic_rows: list[int]) -> str:
@@ -317,26 +317,6 @@ def _undecided_tip(numeric: NumericSystem, state: State, holonomic_rows: list[in
     return ""
 
 
-def _is_lost(found: Classification, on: _Ranks) -> bool:
-    """True if differential rows may have another rank along the motions from the start than at it."""
-    here, holonomic = on.everything[0].value, on.of_holonomic[0].value
-    if found.undecided or here is None or holonomic is None:
-        return bool(found.groups)
-    return found.flag[0] != here - holonomic
-
-
-def _undecided_rank(on: _Ranks, surface: Codimension, is_holonomic: bool, exact: dict[str, bool]) -> str:
-    """Say that the rank of rows is open, or nothing; `exact`: rows on which doubles are not asked."""
-    if on.possible[0] != on.highest[0] or (on.possible != on.highest and not exact):
-        return "no gap in the singular values of the constraint rows decides their rank"
-    if surface.kind == "singular" and is_holonomic:
-        return ""  # proved where a walk has come, and nothing else is asked
-    generic = surface.rank if surface.kind == "deficient" else surface.codimension
-    if on.highest[0] != generic:
-        return f"the holonomic rows have rank {on.highest[0]} where rank {generic} is proved"
-    return ""
-
-
 def _ranks(
     numeric: NumericSystem,
     points: list[State],
@@ -352,11 +332,10 @@ def _ranks(
             rows = projection.plain_rows(numeric, point)
             some = [i for i in effective if k or i not in lost]
             rows = rows if len(some) == rows.count else rows.take(some)
-            found.everything.append(rank.estimate(rows))
+            whole = rank.estimate(rows)
+            found.everything.append(whole)
             complete = len(holonomic_rows) == rows.count
-            found.of_holonomic.append(
-                found.everything[-1] if complete else rank.estimate(rows.take(holonomic_rows))
-            )
+            found.of_holonomic.append(whole if complete else rank.estimate(rows.take(holonomic_rows)))
     return found
 
 

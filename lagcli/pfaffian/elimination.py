@@ -112,11 +112,8 @@ def _solution(
             number = slope.xreplace(dict(parameters)).evalf()
             if number.is_number and abs(number) <= doubles.VALUE:
                 continue
-            try:
-                finding = time_limit.run(math.inf, partial(zero_test.is_zero, slope, math.inf), _BUDGET)
-            except time_limit.TimeUpError:
-                continue
-            if finding.truth is not zero_test.Truth.NO:
+            finding = time_limit.answer(math.inf, partial(zero_test.is_zero, slope, math.inf), _BUDGET)
+            if finding is None or finding.truth is not zero_test.Truth.NO:
                 continue
         elif slope == 0:
             continue

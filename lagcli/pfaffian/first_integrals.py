@@ -54,8 +54,7 @@ def _found(
     """The verified and independent integrals found in the time; wanted: how many there are, one for each row else;
     budget: of operations."""
     search = IntegralSearch(block, deadline, wanted)
-    with contextlib.suppress(*time_limit.NO_ANSWER):
-        time_limit.run(deadline, search.run, budget)
+    time_limit.answer(deadline, search.run, budget)
     return search.found
 
 
@@ -87,8 +86,7 @@ class IntegralSearch:
             if self.is_complete:
                 return
             time_limit.check(self.deadline)
-            with contextlib.suppress(*time_limit.NO_ANSWER):
-                time_limit.run(self.deadline, partial(self._take, strategy), budget)
+            time_limit.answer(self.deadline, partial(self._take, strategy), budget)
 
     @property
     def is_complete(self) -> bool:
@@ -161,10 +159,10 @@ def search(
         plain = replace(named, rows=rows, surface=tuple(map(forms.plain, named.surface)))
         return elimination.in_angles(elimination.eliminated(plain)[0])
 
-    try:
-        flat, angles = time_limit.run(deadline, prepared)
-    except time_limit.NO_ANSWER:
+    ready = time_limit.answer(deadline, prepared)
+    if ready is None:
         return ()
+    flat, angles = ready
     back = {r: s for s, r in real.items()}
     outer = {e: value for e, value in angles.items() if not e.is_Symbol}
     found = []

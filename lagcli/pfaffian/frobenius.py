@@ -52,16 +52,16 @@ class FrobeniusWitness:
 class FormVerdict:
     """The proved facts of one form.
 
-    `integrating_factor` * omega = d `integral`, both None where no closed form is known; `method`: a sentence for the
-    user; `exceptional`: expressions of the parameters at whose zeros the verdict or the integral may
-    be another; `special`: irreducible expressions at whose zeros all of omega ^ d omega vanishes.
+    `method`: a sentence for the user; `integrating_factor` * omega = d `integral`, None where no closed form is known;
+    `exceptional`: expressions of the parameters at whose zeros the verdict or the integral may be another; `special`:
+    irreducible expressions at whose zeros all of omega ^ d omega vanishes.
     """
 
     kind: Kind
-    integral: sympy.Expr | None
-    integrating_factor: sympy.Expr | None
     method: str
-    proof: zero_test.Proof
+    proof: zero_test.Proof = "symbolic"
+    integral: sympy.Expr | None = None
+    integrating_factor: sympy.Expr | None = None
     witness: FrobeniusWitness | None = None
     exceptional: tuple[sympy.Expr, ...] = ()
     special: tuple[sympy.Expr, ...] = ()
@@ -81,28 +81,27 @@ def _judge(form: forms.Form, deadline: float) -> FormVerdict:
     for x, a in zip(form.variables, form.coefficients, strict=True):
         finding = zero_test.is_zero(a, deadline)
         if finding.truth is zero_test.Truth.UNKNOWN:
-            has_value = True
-            with contextlib.suppress(time_limit.TimeUpError):
-                has_value = time_limit.run(deadline, partial(enclosure.has_value, a))
-            if not has_value:
+            has_value = time_limit.answer(deadline, partial(enclosure.has_value, a))
+            if has_value is False:
                 return _undecided(f"the coefficient of d({x}) has no finite real value at any point tried")
         coefficients.append(sympy.Integer(0) if finding.truth is zero_test.Truth.YES else a)
     form = replace(form, coefficients=tuple(coefficients))
     if all(a == 0 for a in form.coefficients):
         return _undecided("all coefficients vanish identically, the form states nothing")
-    closed = zero_test.vanish((c for _, c in form.curls()), deadline)
+    closed = zero_test.vanish(form.curls(), deadline)
     if closed.truth is zero_test.Truth.YES:
-        phi = _potential(form, deadline)
+        phi, one = _potential(form, deadline), sympy.Integer(1)
         if phi is None:
             method = f"{_CLOSED}; no closed form of its integral was found."
-            return FormVerdict("exact", None, sympy.Integer(1), method, "symbolic")
+            return FormVerdict("exact", method, integrating_factor=one)
         method = f"{_CLOSED}; its integral was verified by differentiation."
-        return FormVerdict("exact", phi, sympy.Integer(1), method, "symbolic", exceptional=_poles(phi, form))
+        poles = _poles(phi, form)
+        return FormVerdict("exact", method, integral=phi, integrating_factor=one, exceptional=poles)
     verdict = _frobenius(form, deadline)
     if verdict.kind == "nonholonomic":
         return verdict
     found = None
-    with contextlib.suppress(time_limit.TimeUpError):
+    with contextlib.suppress(time_limit.TimeUpError):  # the whole time may be over
         until = progress.soon(deadline, _SEARCH_SHARE)
         found = time_limit.run(until, lambda: integrating_factors.search(form, until), _SEARCH)
     exactly = (
@@ -110,11 +109,10 @@ def _judge(form: forms.Form, deadline: float) -> FormVerdict:
     )
     if found is not None:
         method = f"An integrating factor was found {found.how} and verified by differentiation.{exactly}"
-        phi, mu = found.integral, found.factor
-        return FormVerdict("integrable", phi, mu, method, "symbolic", exceptional=_poles(phi, form))
+        phi, poles = found.integral, _poles(found.integral, form)
+        return FormVerdict("integrable", method, "symbolic", phi, found.factor, exceptional=poles)
     if verdict.kind == "integrable":
-        method = f"{verdict.method} No closed form of its integral was found.{exactly}"
-        return FormVerdict("integrable", None, None, method, verdict.proof)
+        return replace(verdict, method=f"{verdict.method} No closed form of its integral was found.{exactly}")
     return verdict
 
 
@@ -133,12 +131,11 @@ def _potential(form: forms.Form, deadline: float) -> sympy.Expr | None:
                 return each
         return None
 
-    for way in (form, replace(form, variables=form.variables[::-1], coefficients=form.coefficients[::-1])):
-        with contextlib.suppress(*time_limit.NO_ANSWER):
-            phi = time_limit.run(deadline, partial(of, way), integrating_factors.PROOF)
-            if phi is not None:
-                return phi
-    return None
+    turned = replace(form, variables=form.variables[::-1], coefficients=form.coefficients[::-1])
+    found = (
+        time_limit.answer(deadline, partial(of, way), integrating_factors.PROOF) for way in (form, turned)
+    )
+    return next((phi for phi in found if phi is not None), None)
 
 
 def _frobenius(form: forms.Form, deadline: float) -> FormVerdict:
@@ -147,8 +144,7 @@ def _frobenius(form: forms.Form, deadline: float) -> FormVerdict:
     k = form.simplest
     active = [i for i in form.active() if i != k]
     if len(active) < 2:
-        text = "A form in two variables always has an integrating factor."
-        return FormVerdict("integrable", None, None, text, "symbolic")
+        return FormVerdict("integrable", "A form in two variables always has an integrating factor.")
     reason = ""
     triples = sorted(combinations(active, 2), key=lambda pair: size[pair[0]] + size[pair[1]])
     components: Iterable[tuple[tuple[int, ...], sympy.Expr]] = (
@@ -165,26 +161,21 @@ def _frobenius(form: forms.Form, deadline: float) -> FormVerdict:
     if reason:
         return _undecided(f"whether omega ^ d omega vanishes could not be proved: {reason}")
     text = "omega ^ d omega = 0, so the form has an integrating factor (Frobenius)."
-    return FormVerdict("integrable", None, None, text, "symbolic")
+    return FormVerdict("integrable", text)
 
 
 def _nonholonomic(
     form: forms.Form, index: tuple[int, ...], component: sympy.Expr, deadline: float
 ) -> FormVerdict:
     numeric = zero_test.is_zero(component, deadline).value
-    proof: zero_test.Proof = "numeric"
-    with contextlib.suppress(time_limit.TimeUpError):
-        exactly = partial(zero_test.is_zero_exactly, component, deadline)
-        if time_limit.run(deadline, exactly, _WITNESS).proof == "symbolic":
-            proof = "symbolic"
-    shown = component
-    with contextlib.suppress(*time_limit.NO_ANSWER):
-        tidy = partial(tidy_integral.ratio, component, sympy.Integer(1))
-        shown = time_limit.run(deadline, tidy, _TIDY)
+    symbolic = partial(zero_test.is_zero, component, deadline, exact_first=True)
+    exact = time_limit.answer(deadline, symbolic, _WITNESS)
+    proof: zero_test.Proof = "symbolic" if exact is not None and exact.proof == "symbolic" else "numeric"
+    tidy = partial(tidy_integral.ratio, component, sympy.Integer(1))
+    shown = time_limit.answer(deadline, tidy, _TIDY) or component
     shared: tuple[sympy.Expr, ...] = ()
     if sum(a.count_ops() for a in form.coefficients) <= _LONG:
-        with contextlib.suppress(*time_limit.NO_ANSWER):
-            shared = time_limit.run(deadline, partial(_shared_factors, form), _SHARED)
+        shared = time_limit.answer(deadline, partial(_shared_factors, form), _SHARED) or ()
     exceptional = tuple(p for p in shared if p.free_symbols <= set(form.parameters))
     special = tuple(p for p in shared if p not in exceptional)
     i, j, k = (form.variables[n] for n in index)
@@ -201,7 +192,7 @@ def _nonholonomic(
     if special:
         text += f"; omega ^ d omega drops to zero where {_zeros(special)}"
     witness = FrobeniusWitness((i, j, k), shown, numeric)
-    return FormVerdict("nonholonomic", None, None, text + ".", proof, witness, exceptional, special)
+    return FormVerdict("nonholonomic", text + ".", proof, None, None, witness, exceptional, special)
 
 
 def _zeros(expressions: Iterable[sympy.Expr]) -> str:
@@ -256,4 +247,4 @@ def _poles(phi: sympy.Expr, form: forms.Form) -> tuple[sympy.Expr, ...]:
 
 
 def _undecided(reason: str) -> FormVerdict:
-    return FormVerdict("undecided", None, None, f"Undecided: {reason}.", "none")
+    return FormVerdict("undecided", f"Undecided: {reason}.", "none")

@@ -92,16 +92,13 @@ def _active_part(form: forms.Form) -> forms.Form:
 def _attempt(work: Callable[[], Value], deadline: float, budget: int = STEP) -> Value | None:
     """The value of one step, None where it fails or is late. Raises `TimeUpError` after the whole deadline."""
     time_limit.check(deadline)
-    try:
-        return time_limit.run(deadline, work, budget)
-    except time_limit.NO_ANSWER:
-        return None
+    return time_limit.answer(deadline, work, budget)
 
 
 def _closed(form: forms.Form, factor: sympy.Expr) -> sympy.Expr | None:
     """The potential of factor * omega, if that is exact."""
     scaled = replace(form, coefficients=tuple(factor * a for a in form.coefficients))
-    if not all(map(_vanishes, [c for _, c in scaled.curls()])):
+    if not all(map(_vanishes, list(scaled.curls()))):
         return None
     slim = tuple(tidy_integral.ratio(a * factor, sympy.Integer(1)) for a in form.coefficients)
     ways = (replace(form, coefficients=way) for way in dict.fromkeys((slim, scaled.coefficients)))
@@ -115,11 +112,8 @@ def _vanishes(expression: sympy.Expr) -> bool:
 def _accepted(form: forms.Form, phi: sympy.Expr, how: str, deadline: float) -> FactorResult | None:
     """phi with its factor, if d phi = mu omega is proved; the tidy form first, then phi as it came."""
     given = frozenset().union(*(a.atoms(sympy.log) for a in form.coefficients))
-    try:
-        ways = [time_limit.run(deadline, lambda: tidy_integral.integral(phi, form.variables, given))]
-    except time_limit.NO_ANSWER:
-        ways = []
-    for way in dict.fromkeys([*ways, phi]):
+    tidy = time_limit.answer(deadline, lambda: tidy_integral.integral(phi, form.variables, given))
+    for way in dict.fromkeys([phi] if tidy is None else [tidy, phi]):
         try:
             mu = guarded.attempt(_verified, form, way, deadline)
         except time_limit.NO_ANSWER:

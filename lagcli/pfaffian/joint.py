@@ -223,20 +223,8 @@ class Memo:
         written = re.compile(rf"(?<!\w)(?:{'|'.join(longest_first)})(?!\w)")
         return replace(moved, method=written.sub(lambda m: names[m[0]], verdict.method))
 
-    def flagged(self, block: PfaffianBlock, time: sympy.Symbol, values: Values, deadline: float) -> Flagged:
-        return self._of_block("flag", block, lambda: flagged(block, time, values, deadline))
-
-    def solution(
-        self,
-        block: PfaffianBlock,
-        found: Flagged,
-        verdicts: Sequence[FormVerdict | None],
-        deadline: float,
-    ) -> Solution:
-        return self._of_block("solution", block, lambda: solution(found, verdicts, deadline))
-
-    def _of_block(self, kind: str, block: PfaffianBlock, find: Callable[[], T]) -> T:
-        """What is found for a block, or for one that differs in the names of its coordinates and rows alone."""
+    def of_block(self, block: PfaffianBlock, find: Callable[[], T], kind: str) -> T:
+        """What `find` gives for a block, or for one that differs in the names of its coordinates and rows alone."""
         numbered = self._numbered(block.variables)
         rows = tuple(tuple(a.xreplace(numbered) for a in row) for row in block.rows)
         pattern = kind, rows, tuple(f.xreplace(numbered) for f in block.surface), block.parameters

@@ -44,10 +44,10 @@ def charts(phi: sympy.Expr, constants: Iterable[sympy.Symbol] = ()) -> tuple[inv
         quotients.sort(key=lambda q: not all(_is_regular(part, variables) for part in q))  # stable
         return tuple(dict.fromkeys(_written(*quotient) for quotient in quotients))
 
-    try:
-        return time_limit.run(math.inf, found, BUDGET)
-    except time_limit.NO_ANSWER:
+    known = time_limit.answer(math.inf, found, BUDGET)
+    if known is None:
         return (_written(phi),) if _is_continuous(phi, variables) else ()
+    return known
 
 
 def _written(
@@ -117,7 +117,21 @@ def _quotients(phi: sympy.Expr, variables: Variables) -> list[Quotient]:
     phi = _untangled(phi)
     if any(a.args[0].has(*variables) for a in phi.atoms(sympy.log)):
         phi = _untangled(tidy_integral.integral(phi, variables))
-    powers, exponential = _powers(_cancelled(phi), variables)
+    # The factors that vary with their exponents, and w of a factor exp(w); signs of factors do not matter.
+    powers: dict[sympy.Expr, sympy.Expr] = {}
+    exponential = sympy.Integer(0)
+    for factor in sympy.Mul.make_args(_cancelled(phi)):
+        if not factor.has(*variables) or isinstance(factor, sympy.sign):
+            continue
+        if isinstance(factor, sympy.exp):
+            exponential += factor.args[0]
+            continue
+        base, exponent = factor.as_base_exp()
+        if exponent.has(*variables):
+            base, exponent = factor, sympy.Integer(1)
+        base = base.args[0] if isinstance(base, sympy.Abs) else base
+        powers[base] = powers.get(base, sympy.Integer(0)) + exponent
+    powers = {b: n for b, n in powers.items() if n != 0}
     if not powers:
         return _quotients(exponential, variables)  # phi = exp(w), and w has the same levels
     numbers = list(powers.values())
@@ -180,24 +194,6 @@ def _cancelled(phi: sympy.Expr) -> sympy.Expr:
             homogeneous = sum(a * s**k * c ** (degree - k) for (k,), a in guarded.Poly(base, w).terms())
             phi *= (guarded.trigsimp(homogeneous) / c**degree) ** n
     return phi
-
-
-def _powers(phi: sympy.Expr, variables: Variables) -> tuple[dict[sympy.Expr, sympy.Expr], sympy.Expr]:
-    """The factors that vary with their exponents, and w of a factor exp(w). Signs of factors do not matter."""
-    powers: dict[sympy.Expr, sympy.Expr] = {}
-    exponential = sympy.Integer(0)
-    for factor in sympy.Mul.make_args(phi):
-        if not factor.has(*variables) or isinstance(factor, sympy.sign):
-            continue
-        if isinstance(factor, sympy.exp):
-            exponential += factor.args[0]
-            continue
-        base, exponent = factor.as_base_exp()
-        if exponent.has(*variables):
-            base, exponent = factor, sympy.Integer(1)
-        base = base.args[0] if isinstance(base, sympy.Abs) else base
-        powers[base] = powers.get(base, sympy.Integer(0)) + exponent
-    return {b: n for b, n in powers.items() if n != 0}, exponential
 
 
 def _split(powers: dict[sympy.Expr, sympy.Expr], exponential: sympy.Expr) -> Quotient:

@@ -43,25 +43,23 @@ class Translation:
     def forms(self) -> dict[str, Form | TooLarge]:
         """The form of every differential row, by row name; `TooLarge` in place of one that is not attempted."""
         found: dict[str, Form | TooLarge] = {}
-        for row, value in self._differences(self._model.differential):
-            try:
-                found[row] = self._form(row, _require_small(_given(value)))
-            except TooLarge as failure:
-                found[row] = failure
-        return found
-
-    def _form(self, row: str, value: sympy.Expr) -> Form:
         names = self._names
-        present = names.ordered({names.moved[d] for d in value.free_symbols if d in names.moved})
-        coefficients = {x: sympy.diff(value, names.differentials[x]) for x in present}
-        at_rest = dict.fromkeys((*(names.differentials[x] for x in coefficients), _DT), ZERO)
-        # In the velocity form the term without rates stands beside dt; in the other form dt is a symbol.
-        coefficients[TIME] = sympy.diff(value, _DT) + value.xreplace(at_rest)
-        used = set().union(*(c.free_symbols for c in coefficients.values()))
-        moving = {x for x, a in coefficients.items() if a != 0}
-        variables = names.ordered(used | moving)
-        parameters = tuple(p for p in names.parameters if p in used)
-        return Form(row, variables, tuple(coefficients.get(x, ZERO) for x in variables), parameters)
+        for row, read in self._differences(self._model.differential):
+            value = _attempted(functools.partial(_given, read))
+            if isinstance(value, TooLarge):
+                found[row] = value
+                continue
+            present = names.ordered({names.moved[d] for d in value.free_symbols if d in names.moved})
+            coefficients = {x: sympy.diff(value, names.differentials[x]) for x in present}
+            at_rest = dict.fromkeys((*(names.differentials[x] for x in coefficients), _DT), ZERO)
+            # In the velocity form the term without rates stands beside dt; in the other form dt is a symbol.
+            coefficients[TIME] = sympy.diff(value, _DT) + value.xreplace(at_rest)
+            used = set().union(*(c.free_symbols for c in coefficients.values()))
+            moving = {x for x, a in coefficients.items() if a != 0}
+            variables = names.ordered(used | moving)
+            parameters = tuple(p for p in names.parameters if p in used)
+            found[row] = Form(row, variables, tuple(coefficients.get(x, ZERO) for x in variables), parameters)
+        return found
 
     def surface(self, rows: frozenset[str]) -> dict[str, sympy.Expr | TooLarge]:
         """f of the holonomic rows of these names that have a text, by row name; `TooLarge` in place of one not

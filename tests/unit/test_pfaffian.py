@@ -297,7 +297,7 @@ def test_nonholonomic_forms_come_with_a_witness(name):
 
 def test_wedge_components_are_those_of_the_contact_form():
     row = pfaffian((x, y, z), (-y, 0, 1))
-    assert dict(row.curls()) == {(0, 1): 1, (0, 2): 0, (1, 2): 0}
+    assert list(row.curls()) == [1, 0, 0]
     assert row.wedge() == {(0, 1, 2): 1}
 
 
@@ -418,15 +418,6 @@ def test_an_integral_is_not_constant_on_one_side_of_a_kink():
     if verdict.integral is not None:
         for side in (1, -1):
             assert verdict.integral.xreplace({sympy.Abs(y): side * y}).diff(x) != 0
-
-
-def test_a_form_refuses_unknown_symbols_and_wrong_lengths():
-    with pytest.raises(ValueError, match="unknown symbols z"):
-        pfaffian((x, y), (z, 1))
-    with pytest.raises(ValueError, match="coefficients for"):
-        pfaffian((x, y), (1,))
-    with pytest.raises(ValueError, match="one name"):
-        pfaffian((x, x), (1, 1))
 
 
 def test_symbols_without_assumptions_are_given_back():

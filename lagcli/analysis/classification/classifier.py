@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import math
 from collections.abc import Iterable
 
@@ -151,7 +152,8 @@ class Classifier:
         values = {p: self._translation.values[p] for p in block.parameters}
 
         def work() -> joint.Flagged:
-            return self._alike.flagged(block, notation.TIME, values, self._deadline)
+            search = functools.partial(joint.flagged, block, notation.TIME, values, self._deadline)
+            return self._alike.of_block(block, search, "flag")
 
         try:
             found = time_limit.run(self._deadline, work, budget)
@@ -190,7 +192,8 @@ class Classifier:
         integrals: tuple[FirstIntegral, ...] = ()
         unsolved: tuple[str, ...] = ()
         if found.dims[-1]:
-            solved = self._alike.solution(block, flagged, single, self._deadline)
+            search = functools.partial(joint.solution, flagged, single, self._deadline)
+            solved = self._alike.of_block(block, search, "solution")
             integrals = self._written(solved.integrals)
             unsolved = tuple(notation.written(form) for form in solved.unsolved)
         at_start = {notation.written(e): self._locality.is_at_start(e) for e in found.special}

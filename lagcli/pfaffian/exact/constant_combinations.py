@@ -67,9 +67,11 @@ def null_vectors(columns: Columns, parameters: frozenset[sympy.Symbol]) -> list[
     generator = random.Random(_SEED)
     for _ in range(_TRIALS):
         image = _ModularImage(basis, fixed, generator)
-        echelon = _Echelon(image.prime, [image.row(row) for row in rows])
-        free = (n for n in range(len(involved)) if n not in echelon.pivots)
-        vectors = [_exact(basis, rows, echelon, n) for n in free]
+        table_of = [{column: image.number(entry) for column, entry in row.items()} for row in rows]
+        images = [{column: value for column, value in row.items() if value} for row in table_of]
+        pivots, chosen = _echelon(image.prime, images)
+        free = (n for n in range(len(involved)) if n not in pivots)
+        vectors = [_exact(basis, rows, pivots, chosen, n) for n in free]
         if all(v is not None for v in vectors):
             written = []
             for v in (v for v in vectors if v is not None):
@@ -145,51 +147,49 @@ class _ModularImage:
             total += term
         return total % prime
 
-    def row(self, row: _PolyRow) -> dict[int, int]:
-        """The entries of the row that are not zero."""
-        found = {column: self.number(entry) for column, entry in row.items()}
-        return {column: value for column, value in found.items() if value}
 
+def _echelon(prime: int, rows: Sequence[dict[int, int]]) -> tuple[dict[int, dict[int, int]], list[int]]:
+    """The reduced row echelon form in a finite field: its row for each pivot column, and the rows of the matrix that
+    span all."""
+    pivots: dict[int, dict[int, int]] = {}
+    chosen: list[int] = []
 
-class _Echelon:
-    """The reduced row echelon form in a finite field: `pivots` has its row for each pivot column, `chosen` the rows of
-    the matrix that span all."""
+    def subtract(row: dict[int, int], other: dict[int, int], times: int) -> None:
+        for column, value in other.items():
+            rest = (row.get(column, 0) - times * value) % prime
+            if rest:
+                row[column] = rest
+            else:
+                row.pop(column, None)
 
-    def __init__(self, prime: int, rows: Sequence[dict[int, int]]) -> None:
-        self.pivots: dict[int, dict[int, int]] = {}
-        self.chosen: list[int] = []
-
-        def subtract(row: dict[int, int], other: dict[int, int], times: int) -> None:
-            for column, value in other.items():
-                rest = (row.get(column, 0) - times * value) % prime
-                if rest:
-                    row[column] = rest
-                else:
-                    row.pop(column, None)
-
-        for n, given in enumerate(rows):
-            row = dict(given)
-            for column in sorted(row):
-                if column in self.pivots and column in row:
-                    subtract(row, self.pivots[column], row[column])
-            if not row:
-                continue
-            lead = min(row)
-            scale = pow(row[lead], -1, prime)
-            row = {c: v * scale % prime for c, v in row.items()}
-            for other in self.pivots.values():
-                if lead in other:
-                    subtract(other, row, other[lead])
-            self.pivots[lead] = row
-            self.chosen.append(n)
+    for n, given in enumerate(rows):
+        row = dict(given)
+        for column in sorted(row):
+            if column in pivots and column in row:
+                subtract(row, pivots[column], row[column])
+        if not row:
+            continue
+        lead = min(row)
+        scale = pow(row[lead], -1, prime)
+        row = {c: v * scale % prime for c, v in row.items()}
+        for other in pivots.values():
+            if lead in other:
+                subtract(other, row, other[lead])
+        pivots[lead] = row
+        chosen.append(n)
+    return pivots, chosen
 
 
 def _exact(
-    basis: normal_form.NormalForm, rows: Sequence[_PolyRow], echelon: _Echelon, free: int
+    basis: normal_form.NormalForm,
+    rows: Sequence[_PolyRow],
+    pivots: dict[int, dict[int, int]],
+    chosen: list[int],
+    free: int,
 ) -> dict[int, FracElement] | None:
     """The null vector with a one in the column `free` as elements of the field, None if it fails a row."""
-    support = sorted(lead for lead, row in echelon.pivots.items() if free in row)
-    prepared = [[rows[n].get(c, basis.ring.zero) for c in (*support, free)] for n in echelon.chosen]
+    support = sorted(lead for lead, row in pivots.items() if free in row)
+    prepared = [[rows[n].get(c, basis.ring.zero) for c in (*support, free)] for n in chosen]
     solved = [row for row in prepared if any(row)]
     # Rows with one entry each in the columns of the support, without a division of polynomials
     for n in range(len(support)):

@@ -174,10 +174,10 @@ class NormalForm:
 
     def _write(self, e: sympy.Expr) -> sympy.Expr:
         if e not in self._written:
-            self._written[e] = self._translate(e)
+            self._written[e] = self._translated(e)
         return self._written[e]
 
-    def _translate(self, e: sympy.Expr) -> sympy.Expr:
+    def _translated(self, e: sympy.Expr) -> sympy.Expr:
         if e.is_Rational or e.is_Symbol:
             return e
         if isinstance(e, (sympy.Add, sympy.Mul)):
@@ -190,8 +190,20 @@ class NormalForm:
             return self._exponential(sympy.Integer(1))
         if isinstance(e, sympy.exp):
             return self._exponential(e.args[0])
-        if isinstance(e, (*_CIRCULAR, *_HYPERBOLIC)):
-            return self._quotient(e)
+        if isinstance(e, _CIRCULAR):
+            c, s = self._circular(e.args[0])
+            above, below = {
+                sympy.sin: (s, 1), sympy.cos: (c, 1), sympy.tan: (s, c),
+                sympy.cot: (c, s), sympy.sec: (1, c), sympy.csc: (1, s),
+            }[type(e)]  # fmt: skip
+            if below == 0:
+                raise NoNormalFormError(f"{e} has a pole")
+            return above / sympy.sympify(below)
+        if isinstance(e, _HYPERBOLIC):
+            grown = self._exponential(e.args[0])
+            rise, fall = grown - 1 / grown, grown + 1 / grown
+            above, below = {sympy.sinh: (rise, 2), sympy.cosh: (fall, 2), sympy.tanh: (rise, fall)}[type(e)]
+            return above / sympy.sympify(below)
         if isinstance(e, sympy.Abs):
             # |N/D| as a letter over D; its relation has two roots, so that only numbers can prove a difference
             self.independent = False
@@ -218,43 +230,29 @@ class NormalForm:
             self.meaning[letter] = meaning
         return self._known[key]
 
-    def _quotient(self, e: sympy.Expr) -> sympy.Expr:
-        """A circular or hyperbolic function by sines and cosines, or by exponentials."""
-        if isinstance(e, _CIRCULAR):
-            # cos and sin of a sum of angles by the addition theorems
-            c, s = sympy.Integer(1), sympy.Integer(0)
-            for coefficient, base in self._split(e.args[0]):
-                cn, sn = self._multiple_angle(coefficient, base)
-                c, s = guarded.expand(c * cn - s * sn), guarded.expand(s * cn + c * sn)
-            values = {
-                sympy.sin: (s, 1), sympy.cos: (c, 1), sympy.tan: (s, c),
-                sympy.cot: (c, s), sympy.sec: (1, c), sympy.csc: (1, s),
-            }  # fmt: skip
-        else:
-            grown = self._exponential(e.args[0])
-            rise, fall = grown - 1 / grown, grown + 1 / grown
-            values = {sympy.sinh: (rise, 2), sympy.cosh: (fall, 2), sympy.tanh: (rise, fall)}
-        above, below = values[type(e)]
-        if below == 0:
-            raise NoNormalFormError(f"{e} has a pole")
-        return above / sympy.sympify(below)
-
-    def _multiple_angle(self, coefficient: sympy.Rational, base: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr]:
-        if base is sympy.pi:
-            known = sympy.cos(coefficient * base), sympy.sin(coefficient * base)
-            if not any(value.has(*_CIRCULAR) for value in known):
-                return self._write(known[0]), self._write(known[1])
-        n, unit = self._count("circle", coefficient, base)
-        self._demand_monomial(base)
-        s1 = self._letter(("sin", base), sympy.sin(unit * base))
-        fresh = ("cos", base) not in self._known
-        c1 = self._letter(("cos", base), sympy.cos(unit * base))
-        if fresh:
-            self._relations.append(c1**2 + s1**2 - 1)
-        cn, sn = sympy.Integer(1), sympy.Integer(0)
-        for _ in range(abs(n)):
-            cn, sn = guarded.expand(cn * c1 - sn * s1), guarded.expand(sn * c1 + cn * s1)
-        return cn, sn if n > 0 else -sn
+    def _circular(self, argument: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr]:
+        """cos and sin of a sum of angles by the addition theorems."""
+        c, s = sympy.Integer(1), sympy.Integer(0)
+        for coefficient, base in self._split(argument):
+            known: tuple[sympy.Expr, ...] = ()
+            if base is sympy.pi:
+                known = sympy.cos(coefficient * base), sympy.sin(coefficient * base)
+            if known and not any(value.has(*_CIRCULAR) for value in known):
+                cn, sn = map(self._write, known)
+            else:
+                n, unit = self._count("circle", coefficient, base)
+                self._demand_monomial(base)
+                s1 = self._letter(("sin", base), sympy.sin(unit * base))
+                fresh = ("cos", base) not in self._known
+                c1 = self._letter(("cos", base), sympy.cos(unit * base))
+                if fresh:
+                    self._relations.append(c1**2 + s1**2 - 1)
+                cn, sn = sympy.Integer(1), sympy.Integer(0)
+                for _ in range(abs(n)):
+                    cn, sn = guarded.expand(cn * c1 - sn * s1), guarded.expand(sn * c1 + cn * s1)
+                sn = sn if n > 0 else -sn
+            c, s = guarded.expand(c * cn - s * sn), guarded.expand(s * cn + c * sn)
+        return c, s
 
     def _exponential(self, argument: sympy.Expr) -> sympy.Expr:
         product: sympy.Expr = sympy.Integer(1)

@@ -42,27 +42,28 @@ class Sample:
             return self._visit(expression)
 
     def _visit(self, e: sympy.Basic) -> Values:
-        if e not in self._known:
-            self._known[e] = self._compute(e)
-        return self._known[e]
-
-    def _compute(self, e: sympy.Basic) -> Values:
+        if e in self._known:
+            return self._known[e]
+        row = notation.ROWS.get(type(e))
         if e.is_number:
             number = e.evalf()
             if not number.is_Number:
                 raise NoSampleError(f"{e} is not real")
-            return np.full(self.count, float(number))
-        u = [self._visit(a) for a in e.args]
-        if isinstance(e, sympy.Add):
-            return sum(u[1:], u[0])
-        if isinstance(e, sympy.Mul):
-            return np.asarray(np.prod(u, axis=0))
-        if isinstance(e, sympy.Pow):
-            return u[0] ** (int(e.exp) if e.exp.is_Integer else u[1])
-        row = notation.ROWS.get(type(e))
-        if row is not None and row.is_elementary:
-            return row.array(*u)
-        raise NoSampleError(f"{type(e).__name__} has no value")
+            found = np.full(self.count, float(number))
+        else:
+            u = [self._visit(a) for a in e.args]
+            if isinstance(e, sympy.Add):
+                found = sum(u[1:], u[0])
+            elif isinstance(e, sympy.Mul):
+                found = np.asarray(np.prod(u, axis=0))
+            elif isinstance(e, sympy.Pow):
+                found = u[0] ** (int(e.exp) if e.exp.is_Integer else u[1])
+            elif row is not None and row.is_elementary:
+                found = row.array(*u)
+            else:
+                raise NoSampleError(f"{type(e).__name__} has no value")
+        self._known[e] = found
+        return found
 
 
 def draw(
@@ -106,9 +107,8 @@ def _projected(
         f = np.array([sample.of(e) for e in equations]).T
         return f, np.moveaxis(np.array([[sample.of(e) for e in row] for row in gradients]), 2, 0)
 
-    points = np.array([values[x] for x in variables]).T
     with np.errstate(all="ignore"):
-        moved = surface.nearby_all(at, points, 1.0)[0]
+        moved = surface.nearby_all(at, np.array([values[x] for x in variables]).T, 1.0)[0]
     return values | dict(zip(variables, moved.T, strict=True))
 
 

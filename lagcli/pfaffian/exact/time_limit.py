@@ -102,6 +102,14 @@ def run(deadline: float, work: Callable[[], Value], budget: int | None = None) -
         _turn.release()
 
 
+def answer(deadline: float, work: Callable[[], Value], budget: int | None = None) -> Value | None:
+    """The value as of `run`, None where it fails or is late."""
+    try:
+        return run(deadline, work, budget)
+    except NO_ANSWER:
+        return None
+
+
 def _limited(until: float, work: Callable[[], Value], budget: int | None) -> Value:
     values: list[Value] = []
     errors: list[Exception] = []

@@ -36,10 +36,13 @@ class Finding:
     value: enclosure.NonZero | None = None
 
 
-def is_zero(expression: sympy.Expr, deadline: float, surface: tuple[sympy.Expr, ...] = ()) -> Finding:
+def is_zero(
+    expression: sympy.Expr, deadline: float, surface: tuple[sympy.Expr, ...] = (), exact_first: bool = False
+) -> Finding:
     """Tell if the expression vanishes identically, or wherever all expressions of `surface` do; unknown at `deadline`.
-    On a surface "no" is a value at points found by Newton's method with 50 digits."""
-    finding = _test(expression, deadline, exact_first=False)
+    On a surface "no" is a value at points found by Newton's method with 50 digits; exact_first: a "no" is proved by
+    numbers only where there is no symbolic proof."""
+    finding = _everywhere(expression, deadline, exact_first)
     if not surface or finding.truth is Truth.YES or expression.is_Rational:
         return finding
     try:
@@ -53,23 +56,7 @@ def is_zero(expression: sympy.Expr, deadline: float, surface: tuple[sympy.Expr, 
         return _unknown(error)
     if remainder == 0:
         return Finding(Truth.YES, "symbolic")
-    reason = "whether it vanishes on the surface of the constraints is not known"
-    return Finding(Truth.UNKNOWN, "none", reason)
-
-
-def _unknown(error: Exception) -> Finding:
-    """What is told of an expression of which nothing was found."""
-    reason = f"no normal form ({type(error).__name__})"
-    if isinstance(error, normal_form.NoNormalFormError):
-        reason = str(error)
-    elif isinstance(error, time_limit.TimeUpError):
-        reason = "the time was over before it was known"
-    return Finding(Truth.UNKNOWN, "none", reason)
-
-
-def is_zero_exactly(expression: sympy.Expr, deadline: float) -> Finding:
-    """Answer as `is_zero` does, with a numeric proof of "no" only where there is no symbolic one."""
-    return _test(expression, deadline, exact_first=True)
+    return _unknown("whether it vanishes on the surface of the constraints is not known")
 
 
 def vanish(
@@ -86,13 +73,20 @@ def vanish(
     return unknown or Finding(Truth.YES, "symbolic")
 
 
-def _test(expression: sympy.Expr, deadline: float, exact_first: bool) -> Finding:
-    if expression == 0:
-        return Finding(Truth.YES, "symbolic")
+def _unknown(why: Exception | str) -> Finding:
+    """What is told of an expression of which nothing was found."""
+    if isinstance(why, time_limit.TimeUpError):
+        why = "the time was over before it was known"
+    elif isinstance(why, Exception) and not isinstance(why, normal_form.NoNormalFormError):
+        why = f"no normal form ({type(why).__name__})"
+    return Finding(Truth.UNKNOWN, "none", str(why))
+
+
+def _everywhere(expression: sympy.Expr, deadline: float, exact_first: bool) -> Finding:
     if expression.is_Rational:
-        return Finding(Truth.NO, "symbolic")
+        return Finding(Truth.YES if expression == 0 else Truth.NO, "symbolic")
     if expression.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I):
-        return Finding(Truth.UNKNOWN, "none", "it is not a finite real expression")
+        return _unknown("it is not a finite real expression")
 
     def exactly() -> Finding:
         try:
@@ -101,12 +95,12 @@ def _test(expression: sympy.Expr, deadline: float, exact_first: bool) -> Finding
         except NoAnswerError as error:
             return _unknown(error)
         if not enclosure.has_value(expression):
-            return Finding(Truth.UNKNOWN, "none", "no point was found where it has a real value")
+            return _unknown("no point was found where it has a real value")
         if remainder == 0:
             return Finding(Truth.YES, "symbolic")
         if basis.independent:
             return Finding(Truth.NO, "symbolic")
-        return Finding(Truth.UNKNOWN, "none", "its parts may depend on each other in a way that is not known")
+        return _unknown("its parts may depend on each other in a way that is not known")
 
     exact = None
     try:

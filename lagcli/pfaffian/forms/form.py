@@ -20,26 +20,13 @@ T = TypeVar("T")
 class Form:
     """omega = sum_k coefficients[k] d(variables[k]); both of shape (n,).
 
-    variables: coordinates, and time last where it occurs; parameters: constants of unknown value. Raises ValueError
-    where the lengths differ, a name occurs twice or a coefficient holds another symbol.
+    variables: coordinates, and time last where it occurs; parameters: constants of unknown value.
     """
 
     name: str
     variables: tuple[sympy.Symbol, ...]
     coefficients: tuple[sympy.Expr, ...]
     parameters: tuple[sympy.Symbol, ...] = ()
-
-    def __post_init__(self) -> None:
-        own, wanted = len(self.coefficients), len(self.variables)
-        if own != wanted:
-            raise ValueError(f"{self.name}: {own} coefficients for {wanted} variables")
-        names = [symbol.name for symbol in (*self.variables, *self.parameters)]
-        if len(set(names)) != len(names):
-            raise ValueError(f"{self.name}: two symbols have one name")
-        known = {*self.variables, *self.parameters}
-        strange = sorted({s.name for a in self.coefficients for s in a.free_symbols - known})
-        if strange:
-            raise ValueError(f"{self.name}: unknown symbols {', '.join(strange)}")
 
     def active(self) -> tuple[int, ...]:
         """Indices of the variables that have a coefficient or occur in one."""
@@ -60,10 +47,9 @@ class Form:
         x, a = self.variables, self.coefficients
         return partial(a[j], x[i]) - partial(a[i], x[j])
 
-    def curls(self) -> Iterator[tuple[tuple[int, int], sympy.Expr]]:
+    def curls(self) -> Iterator[sympy.Expr]:
         """The components of d omega for i < j, one after the other."""
-        for i, j in combinations(range(len(self.variables)), 2):
-            yield (i, j), self.curl(i, j)
+        return (self.curl(i, j) for i, j in combinations(range(len(self.variables)), 2))
 
     def wedge(self) -> dict[tuple[int, int, int], sympy.Expr]:
         """All components (omega ^ d omega)_ijk for i < j < k, not simplified."""
