@@ -150,18 +150,35 @@ def displacements(system: System, numeric: NumericSystem, state: State) -> Displ
         metric, name = Metric(numeric.inertia(state.t, state.q, state.v, state.p)), "mass"
     except NotDefiniteError:
         metric, name = initial.metric_at(numeric, state), "plain"
-    found = _bases(numeric, state, metric, name)
+    rows = projection.rows(numeric, state)
+    ranked = rank.estimate(rows)
+    B, bias = numeric.rows(state.t, state.q, state.v, state.p)
+    b, plain = np.array(bias).ravel(), LocalRows(B)
+    # In the metric the rest of an orthonormal basis belongs to displacements M^-1/2 z.
+    right = decompositions.axes(rows.dense)[1][: ranked.low]
+    basis = decompositions.axes(right)[1][len(right) :]
+    virtual = np.array([metric.unwhitened(z) for z in basis]).reshape(-1, state.q.size).T
+    allowed = rows.correction(b) if rows.count and b.any() else np.zeros(state.q.size)
+    lengths = np.linalg.norm(virtual, axis=0)
+    residuals = [
+        float(np.abs(plain.times(column) / plain.divisors).max(initial=0.0)) / length
+        for column, length in zip(virtual.T, lengths, strict=True)
+    ]
+    size = float((np.abs(b) / plain.divisors).max(initial=0.0)) or 1.0
+    rest = float((np.abs(plain.times(allowed) + b) / plain.divisors).max(initial=0.0)) / size
+    residual = max(residuals, default=0.0)
+    is_certain = ranked.value is not None
+    found = Bases(rows.count, ranked.low, name, virtual, allowed, residual, rest, is_certain)
     left = contact_directions.RowDisplacements(metric, found.virtual, found.allowed)
     contacts = contact_directions.directions(system, numeric, state, left)
     s, model = system.symbols, system.model
     J = SizedFunction("J", [s.t, s.q, s.p], [ca.jacobian(system.r, s.q), ca.jtimes(system.r, s.t, ca.SX(1))])
     slope, drift = (np.array(part) for part in J(state.t, state.q, state.p[: s.p.numel()]))
     count = len(model.particle_names)
-    B, b = numeric.rows(state.t, state.q, state.v, state.p)
     M = np.array(numeric.inertia(state.t, state.q, state.v, state.p)).diagonal()
     # Parts of the largest: only ratios count, and squares stay numbers.
     sizes = np.sqrt(M.min(initial=np.inf) / M) if (M > 0).all() else np.ones(M.size)
-    parts = _components(model, (np.array(B), np.array(b).ravel()), found.rank, sizes)
+    parts = _components(model, (np.array(B), b), found.rank, sizes)
     return Displacements(
         state.t,
         state.q,
@@ -174,32 +191,6 @@ def displacements(system: System, numeric: NumericSystem, state: State) -> Displ
         internal_forces.internal(system, state),
         contacts,
     )
-
-
-def _bases(numeric: NumericSystem, state: State, metric: Metric, name: str) -> Bases:
-    """The bases at a state that satisfies the rows, in a metric of that name."""
-    rows = projection.rows(numeric, state)
-    found = rank.estimate(rows)
-    B, bias = numeric.rows(state.t, state.q, state.v, state.p)
-    # In the metric the rest of an orthonormal basis belongs to displacements M^-1/2 z.
-    right = decompositions.axes(rows.dense)[1][: found.low]
-    basis = decompositions.axes(right)[1][len(right) :]
-    virtual = np.array([metric.unwhitened(z) for z in basis]).reshape(-1, state.q.size).T
-    b = np.array(bias).ravel()
-    allowed = rows.correction(b) if rows.count and b.any() else np.zeros(state.q.size)
-    plain = LocalRows(B)
-    lengths = np.linalg.norm(virtual, axis=0)
-    residual = max(
-        (
-            float(np.abs(plain.times(column) / plain.divisors).max(initial=0.0)) / length
-            for column, length in zip(virtual.T, lengths, strict=True)
-        ),
-        default=0.0,
-    )
-    size = float((np.abs(b) / plain.divisors).max(initial=0.0)) or 1.0
-    left = float((np.abs(plain.times(allowed) + b) / plain.divisors).max(initial=0.0)) / size
-    is_certain = found.value is not None
-    return Bases(rows.count, found.low, name, virtual, allowed, residual, left, is_certain)
 
 
 def _components(model: Model, rows: tuple[Floats, Floats], rank: int, sizes: Floats) -> Components:

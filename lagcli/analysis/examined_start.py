@@ -70,5 +70,5 @@ def examine(
         whole = extended, NumericSystem(extended)
         # The conditions may have angles of their own, whose cuts the whole system counts among its values.
         begin = consistent_start.find(*whole).with_numbers(mechanics.values(system))
-    chosen = redundancy.begin(system, numeric, begin.state, whole, known.orbits)
-    return ExaminedStart(begin.state, begin.assembly, chosen.selection, chosen.is_singular, known)
+    selection, is_singular = redundancy.begin(system, numeric, begin.state, whole, known.orbits)
+    return ExaminedStart(begin.state, begin.assembly, selection, is_singular, known)

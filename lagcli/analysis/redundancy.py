@@ -21,7 +21,6 @@ from lagcli.compiled import NumericSystem
 from lagcli.compiled.selection import Selection
 from lagcli.equations.system import System
 from lagcli.errors import diagnostics
-from lagcli.frozen import frozen_value
 from lagcli.linear import decompositions, metric_rows, rank
 from lagcli.linear.metric_rows import MetricRows
 from lagcli.start import initial, projection
@@ -35,14 +34,6 @@ if TYPE_CHECKING:
 AHEAD = tuple(projection.PARAMETERS.step / part for part in (4, 10, 40))
 
 
-@frozen_value
-class StartSelection:
-    """The rows a run is stepped with, and whether they are dependent at its very start, a singular configuration."""
-
-    selection: Selection
-    is_singular: bool = False
-
-
 @progress.phase("choosing independent rows")
 def begin(
     system: System,
@@ -50,19 +41,20 @@ def begin(
     state: State,
     whole: tuple[System, NumericSystem] | None = None,
     orbits: Sequence[Orbit] = (),
-) -> StartSelection:
-    """The rows that a run begins with from a consistent state. Raises `diagnostics.ModelError`, by name, if none can.
+) -> tuple[Selection, bool]:
+    """The rows that a run begins with from a consistent state, and whether they are dependent at its very start alone,
+    a singular configuration. Raises `diagnostics.ModelError`, by name, if none can.
 
     whole: the system with the hidden conditions of its rows, to whose surface the motion keeps; orbits: where motions
     from the start were followed, which may keep to a set where rows are dependent.
     """
     if not system.rows.rows:
-        return StartSelection(numeric.selection)
+        return numeric.selection, False
     rows = projection.rows(numeric, state)
     found = rank.estimate(rows)
     if found.value == rows.count:
         _require_far(system, rows, range(rows.count))
-        return StartSelection(numeric.selection)
+        return numeric.selection, False
     if found.value is None:
         undecided = [rank.participants(null_vector) for null_vector in found.dependences]
         raise diagnostics.ModelError(
@@ -103,14 +95,37 @@ def begin(
     generic = lower_rank or projection.along(whole[1], there, holonomic, later)[1:]
     around = [projection.rows(numeric, point) for point in generic]
     if surface.kind == "singular" or max((rank.estimate(each).low for each in around), default=0) > count:
-        raise _at_rest(system, found)
+        # A singular configuration without a velocity that leads on
+        dependent = sorted({i for vector in found.dependences for i in rank.participants(vector)})
+        names = initial.names_of(system, dependent)
+        what = f"{names} are dependent" if len(dependent) > 1 else f"the gradient of {names} vanishes"
+        raise diagnostics.error(
+            "singular-start",
+            f"the start is a singular configuration: {what} there and not nearby, and the initial velocities lead along"
+            " none of the branches that meet",
+            system.rows.rows[dependent[-1]].location,
+            "give velocities along one branch, or start a little aside",
+        )
     chosen = independent_rows.dependence(projection.rows(numeric, there), count, system.holonomic_count)
     others = (
         independent_rows.over(each, chosen.independent).selection
         for each in around
         if rank.estimate(each).value == count
     )
-    return StartSelection(independent_rows.joined(chosen.selection, others), count > found.value)
+    return independent_rows.joined(chosen.selection, others), count > found.value
+
+
+def _ahead(numeric: NumericSystem, state: State) -> list[State]:
+    """Points of the surface a little ahead along the velocity, in time too; none where nothing moves."""
+    speed = float(np.abs(state.v).max(initial=0.0))
+    found = []
+    for part in AHEAD if speed else ():
+        tau = part * initial.size(state.q) / speed
+        later = dataclasses.replace(state, t=state.t + tau)
+        q = projection.surface_at(numeric, later).nearby(state.q + tau * state.v)
+        if q is not None and projection.is_finite(numeric, dataclasses.replace(later, q=q)):
+            found.append(dataclasses.replace(later, q=q))
+    return found
 
 
 def require_clear(system: System, numeric: NumericSystem, state: State) -> None:
@@ -156,35 +171,6 @@ def _states_of_lower_rank(numeric: NumericSystem, found: rank.Rank, orbits: Sequ
     states = [state for orbit in followed for state in orbit.states]
     ranks = (rank.estimate(projection.rows(numeric, each)).value for each in states)
     return states if all(one == found.value for one in ranks) else []
-
-
-def _ahead(numeric: NumericSystem, state: State) -> list[State]:
-    """Points of the surface a little ahead along the velocity, in time too; none where nothing moves."""
-    speed = float(np.abs(state.v).max(initial=0.0))
-    if speed == 0.0:
-        return []
-    found = []
-    for part in AHEAD:
-        tau = part * initial.size(state.q) / speed
-        later = dataclasses.replace(state, t=state.t + tau)
-        q = projection.surface_at(numeric, later).nearby(state.q + tau * state.v)
-        if q is not None and projection.is_finite(numeric, dataclasses.replace(later, q=q)):
-            found.append(dataclasses.replace(later, q=q))
-    return found
-
-
-def _at_rest(system: System, found: rank.Rank) -> diagnostics.ModelError:
-    """The error for a start at a singular configuration without a velocity that leads on."""
-    rows = sorted({i for vector in found.dependences for i in rank.participants(vector)})
-    names = initial.names_of(system, rows)
-    what = f"{names} are dependent" if len(rows) > 1 else f"the gradient of {names} vanishes"
-    message = (
-        f"the start is a singular configuration: {what} there and not nearby, and the initial velocities lead along"
-        " none of the branches that meet"
-    )
-    hint = "give velocities along one branch, or start a little aside"
-    at = system.rows.rows[rows[-1]].location
-    return diagnostics.error("singular-start", message, at, hint)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -261,5 +261,5 @@ class _Linearizing:
     def _independent(self, here: Reference) -> NumericSystem:
         """The functions with independent rows at a state."""
         system, numeric = self.ready.system, self.ready.numeric
-        chosen = redundancy.begin(system, numeric, initial.State(here.t, here.q, here.v, here.p)).selection
+        chosen, _ = redundancy.begin(system, numeric, initial.State(here.t, here.q, here.v, here.p))
         return numeric.keeping(dataclasses.replace(chosen, inactive=numeric.selection.inactive))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli.analysis.codimension import manifold
 from lagcli.api import cache
 from lagcli.compiled import factorization
 from lagcli.compiled.selection import Selection
@@ -118,9 +119,9 @@ def test_the_bound_from_rows_that_hang_on_their_own_coordinates_is_a_bound(seed)
 
 def test_proportional_rows_are_proved_to_follow_in_lots(monkeypatch):
     asked = []
-    plain = examine._is_regular
+    plain = manifold.is_regular
     monkeypatch.setattr(
-        examine, "_is_regular", lambda part, *rest: (asked.append(len(part.rows)), plain(part, *rest))[1]
+        manifold, "is_regular", lambda part, *rest: (asked.append(len(part.rows)), plain(part, *rest))[1]
     )
     assert dof(COPIES, n=200) == 2
     # Each lot holds the one row that is kept and as many others as fit.

@@ -7,21 +7,17 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.analysis.codimension import scaled_equations, second_order
-from lagcli.analysis.codimension.manifold import Manifold
+from lagcli.analysis.codimension import manifold, scaled_equations, second_order
 from lagcli.api import cache
 from lagcli.linear.metric_rows import LocalRows
 from lagcli.start import initial
-
-# Walks to points where the rank may be another
-
 
 # Walks over a manifold
 
 
 def test_a_step_over_a_manifold_is_a_half_at_first():
     line = SimpleNamespace(at=lambda z, t: (np.zeros(1), np.array([[1.0, 0.0]])), rounding=0.0)
-    there = Manifold(line, np.eye(1)).step(np.zeros(2), 0.0, np.ones(2))
+    there = manifold.along(line, np.zeros(2), 0.0, 1).step(np.zeros(2), 0.0, np.ones(2))
     assert np.abs(there).max() == pytest.approx(0.5, rel=1e-12)
 
 
@@ -97,7 +93,7 @@ def barrier(decrement, falls=True):
 
     def value(matrices, x, weight):
         calls.append(x)
-        found = second_order._Barrier(-2.0 * len(calls), np.array([decrement**0.5]), np.eye(1))
+        found = -2.0 * len(calls), np.array([decrement**0.5]), np.eye(1)
         return found if falls or len(calls) == 1 else None
 
     return value, calls

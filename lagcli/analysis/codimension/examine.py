@@ -154,13 +154,17 @@ def _followed(
 
     Groups are looked at together in lots, and of a lot that does not follow as a whole the halves.
     """
+    from lagcli.analysis.codimension import manifold, scaled_equations
+
     follow: Rows = []
     failing: list[Rows] = []
     for several in lots:
         rows = sorted({i for group in several for i in group})
         part = part_of(rows)
+        chosen = [k for k, i in enumerate(part.rows) if i in independent]
         is_seen = part.is_large or len(rows) <= metric_rows.PARAMETERS.dense
-        if is_seen and _is_regular(part, independent, times):
+        is_seen = is_seen and scaled_equations.is_smooth(part)
+        if is_seen and manifold.is_regular(part, len(chosen), times, chosen):
             follow += [i for i in rows if i not in independent]
         elif len(several) == 1:
             failing += several
@@ -169,13 +173,6 @@ def _followed(
             some, others = _followed(part_of, times, halves, independent)
             follow, failing = follow + some, failing + others
     return sorted(follow), failing
-
-
-def _is_regular(part: ScaledPart, independent: set[int], times: Sequence[float]) -> bool:
-    from lagcli.analysis.codimension import manifold, scaled_equations
-
-    chosen = [k for k, i in enumerate(part.rows) if i in independent]
-    return scaled_equations.is_smooth(part) and manifold.is_regular(part, len(chosen), times, chosen)
 
 
 def _batches(groups: list[Rows]) -> list[list[Rows]]:

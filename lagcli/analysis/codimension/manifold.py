@@ -7,8 +7,7 @@ off, F = 0 is the manifold. And the codimensions that are proved so at points ne
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -43,17 +42,10 @@ class Look:
 
 
 class Manifold:
-    """A F = 0 near z0, with a matrix `chosen` A (r, E): a manifold to walk on."""
+    """Chosen equations near z0, which cut out a manifold to walk on: `look` gives all of them at a point and time."""
 
-    def __init__(self, equations: Equations, chosen: Floats) -> None:
-        self._equations, self._matrix, self.rounding = equations, chosen, equations.rounding
-
-    def look(self, z: Floats, t: float) -> Look:
-        """The equations at a point."""
-        F, J = self._equations.at(z, t)
-        B = metric_rows.of_dense(self._matrix @ J)
-        chosen = Linearized(self._matrix @ F, B, Metric.unit(z.size), rounding=self.rounding)
-        return Look(F, np.asarray(np.linalg.norm(J, axis=1)), chosen)
+    def __init__(self, look: Callable[[Floats, float], Look], rounding: float) -> None:
+        self.look, self.rounding = look, rounding
 
     def reached(self, z: Floats, t: float) -> Floats | None:
         """The point of the manifold that Newton's method reaches from z, or None."""
@@ -72,14 +64,29 @@ class Manifold:
             return z
         return surface.walk(lambda there: self.reached(there, t), z, STEP * along / largest)
 
-    def holds_all(self, z: Floats, t: float, off: float) -> bool:
-        """True if all equations vanish at a point, but for rounding and for what they are off at the begin."""
-        look = self.look(z, t)
-        most = min(doubles.VALUE + WRITTEN * max(off, look.left), doubles.ZERO)
-        limit = most + surface.PARAMETERS.roundings * self.rounding
-        return bool(np.abs(look.F).max(initial=0.0) <= limit) and limit < rank.PARAMETERS.small
+    def satisfies_all(self, z: Floats, t: float, times: Sequence[float]) -> bool:
+        """True if all equations vanish on the manifold around a point of it, and at other times, as far as steps lead
+        and rounding lets it be seen."""
+        random = np.random.default_rng(SEED)
+        off = float(np.abs(self.look(z, t).F).max(initial=0.0))
+        if self._fails_far(z, t, random.standard_normal(z.size)):
+            return False
+        for time in (t, t, t, *times):
+            here = self.reached(z, time)
+            for taken in range(4):
+                if here is not None and taken:
+                    here = self.step(here, time, random.standard_normal(z.size))
+                if here is None:
+                    return False
+                # They vanish, but for rounding and for what they are off at the begin.
+                look = self.look(here, time)
+                most = min(doubles.VALUE + WRITTEN * max(off, look.left), doubles.ZERO)
+                limit = most + surface.PARAMETERS.roundings * self.rounding
+                if not np.abs(look.F).max(initial=0.0) <= limit < rank.PARAMETERS.small:
+                    return False
+        return True
 
-    def fails_far(self, z: Floats, t: float, direction: Floats) -> bool:
+    def _fails_far(self, z: Floats, t: float, direction: Floats) -> bool:
         """True if some equations do not vanish at points of the manifold far along a straight line from z."""
         along = self.look(z, t).tangent(direction)
         largest = float(np.abs(along).max(initial=0.0))
@@ -97,45 +104,24 @@ class Manifold:
         return False
 
 
-class LargeManifold(Manifold):
-    """Some of the rows of a large part, by their numbers there."""
-
-    def __init__(self, part: ScaledPart, chosen: list[int]) -> None:
-        self._part, self._chosen, self.rounding = part, chosen, part.rounding
-
-    def look(self, z: Floats, t: float) -> Look:
-        """The rows at a point."""
-        F, J = self._part.entries_at(z, t)
-        f, B = F[self._chosen], J.B[self._chosen, :]
-        chosen = Linearized(f, B, Metric.unit(z.size), rounding=self.rounding)
-        return Look(F, J.norms, chosen, float(np.abs(f).max(initial=0.0)))
-
-
 def along(equations: Equations, z: Floats, t: float, count: int) -> Manifold | None:
-    """The manifold of `count` equations chosen at z, or None where no gap shows them to be so many."""
+    """The manifold A F = 0 of `count` equations chosen at z, or None where no gap shows them to be so many."""
     _, J = equations.at(z, t)
     if not np.isfinite(J).all():
         return None
-    found = rank.space(J)
-    return Manifold(equations, found.combinations) if found.value == count else None
+    found, rounding = rank.space(J), equations.rounding
+    A = found.combinations
 
+    def look(z: Floats, t: float) -> Look:
+        F, J = equations.at(z, t)
+        B = metric_rows.of_dense(A @ J)
+        return Look(
+            F,
+            np.asarray(np.linalg.norm(J, axis=1)),
+            Linearized(A @ F, B, Metric.unit(z.size), rounding=rounding),
+        )
 
-def satisfies_all(found: Manifold, z: Floats, t: float, times: Sequence[float]) -> bool:
-    """True if all equations vanish on the manifold around a point of it, and at other times, as far as steps lead and
-    rounding lets it be seen."""
-    random = np.random.default_rng(SEED)
-    off = float(np.abs(found.look(z, t).F).max(initial=0.0))
-    if found.fails_far(z, t, random.standard_normal(z.size)):
-        return False
-    for time in (t, t, t, *times):
-        here = found.reached(z, time)
-        if here is None or not found.holds_all(here, time, off):
-            return False
-        for _ in range(3):
-            here = found.step(here, time, random.standard_normal(z.size))
-            if here is None or not found.holds_all(here, time, off):
-                return False
-    return True
+    return Manifold(look, rounding) if found.value == count else None
 
 
 def is_regular(part: ScaledPart, count: int, times: Sequence[float], independent: Sequence[int] = ()) -> bool:
@@ -146,7 +132,7 @@ def is_regular(part: ScaledPart, count: int, times: Sequence[float], independent
         return all(not part.at(part.begin, time)[0].any() for time in (t, *times))
     if not part.is_large:
         found = along(part, part.begin, t, count)
-        return found is not None and satisfies_all(found, part.begin, t, times)
+        return found is not None and found.satisfies_all(part.begin, t, times)
     F, J = part.entries_at(part.begin, t)
     if not np.isfinite(J.values).all():
         return False
@@ -154,8 +140,15 @@ def is_regular(part: ScaledPart, count: int, times: Sequence[float], independent
     known = rank.estimate(rows).value
     if known is None:
         known = precise_rows.rank_of_many(rows, list(range(rows.count)), F, initial.size(part.begin))
-    chosen = list(independent)
-    return known == len(chosen) and satisfies_all(LargeManifold(part, chosen), part.begin, t, times)
+    chosen, rounding = list(independent), part.rounding
+
+    def look(z: Floats, t: float) -> Look:
+        F, J = part.entries_at(z, t)
+        f = F[chosen]
+        some = Linearized(f, J.B[chosen, :], Metric.unit(z.size), rounding=rounding)
+        return Look(F, J.norms, some, float(np.abs(f).max(initial=0.0)))
+
+    return known == len(chosen) and Manifold(look, rounding).satisfies_all(part.begin, t, times)
 
 
 class _SlowConvergence(Exception):
@@ -165,6 +158,20 @@ class _SlowConvergence(Exception):
 def codimensions(part: ScaledPart, times: Sequence[float]) -> set[int | None]:
     """The codimensions at points of the surface that random steps reach from the begin, at later times where time
     enters; None where one is not proved, as where a branch is not regular, or where most steps come nowhere."""
+
+    def met(z: Floats) -> Floats | None:
+        """The point that Newton's steps reach, each squaring a small residual, or None."""
+
+        def at(z: Floats) -> Linearized | None:
+            F, J = part.entries_at(z, t)
+            here = Linearized(F, J.B, Metric.unit(z.size), rounding=part.rounding)
+            return here if here.is_finite else None
+
+        end = surface.approach(at, z)
+        if end is not None and end.creeps:
+            raise _SlowConvergence
+        return end.x if end is not None and end.is_met else None
+
     found: set[int | None] = set()
     failed = 0
     random = np.random.default_rng(SEED + 1)
@@ -180,7 +187,7 @@ def codimensions(part: ScaledPart, times: Sequence[float]) -> set[int | None]:
             largest = float(np.abs(direction).max(initial=0.0))
             step = size * direction / largest if largest > 0 else direction
             try:
-                there = surface.walk(functools.partial(_nearby, part, t), z, step)
+                there = surface.walk(met, z, step)
             except _SlowConvergence:
                 return {None}
             if there is None:
@@ -196,17 +203,3 @@ def codimensions(part: ScaledPart, times: Sequence[float]) -> set[int | None]:
         if None in found or len(found) > 1 or failed > 8:
             return {None}
     return found
-
-
-def _nearby(part: ScaledPart, t: float, z: Floats) -> Floats | None:
-    """The point that Newton's steps reach, each squaring a small residual, or None. Raises `_SlowConvergence`."""
-
-    def at(z: Floats) -> Linearized | None:
-        F, J = part.entries_at(z, t)
-        here = Linearized(F, J.B, Metric.unit(z.size), rounding=part.rounding)
-        return here if here.is_finite else None
-
-    end = surface.approach(at, z)
-    if end is not None and end.creeps:
-        raise _SlowConvergence
-    return end.x if end is not None and end.is_met else None

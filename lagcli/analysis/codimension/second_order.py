@@ -96,7 +96,7 @@ def dimension(part: ScaledPart, count: int, times: Sequence[float]) -> int | Non
     off = doubles.SUM + surface.PARAMETERS.roundings * part.rounding
     if there is None or np.abs((there - begin)[: len(part.coordinates)]).max(initial=0.0) > off:
         return None
-    return kernel if manifold.satisfies_all(found, begin, t, times) else None
+    return kernel if found.satisfies_all(begin, t, times) else None
 
 
 def definite_combination(matrices: Floats) -> Floats | None:
@@ -121,28 +121,20 @@ def definite_combination(matrices: Floats) -> Floats | None:
     return None
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class _Barrier:
-    """The barrier with its derivatives by (c, t) at a point inside."""
-
-    value: float
-    gradient: Floats
-    hessian: Floats
-
-
 def _centered(matrices: Floats, x: Floats, weight: float) -> Floats:
     """The minimum of the barrier, from a point inside."""
     here = _barrier(matrices, x, weight)
-    assert here is not None
     for _ in range(surface.PARAMETERS.newton_steps):
-        step = -np.linalg.solve(here.hessian, here.gradient)
-        decrement = -float(step @ here.gradient)
+        assert here is not None
+        value, gradient, hessian = here
+        step = -np.linalg.solve(hessian, gradient)
+        decrement = -float(step @ gradient)
         if decrement < DECREMENT:
             break
         factor = 1.0
         for _ in range(surface.PARAMETERS.most_halvings):
             there = _barrier(matrices, x + factor * step, weight)
-            if there is not None and there.value <= here.value - 0.25 * factor * decrement:
+            if there is not None and there[0] <= value - 0.25 * factor * decrement:
                 break
             factor /= 2
         else:
@@ -151,8 +143,8 @@ def _centered(matrices: Floats, x: Floats, weight: float) -> Floats:
     return x
 
 
-def _barrier(matrices: Floats, x: Floats, weight: float) -> _Barrier | None:
-    """The barrier at x = (c, t), or None outside."""
+def _barrier(matrices: Floats, x: Floats, weight: float) -> tuple[float, Floats, Floats] | None:
+    """The barrier at x = (c, t) with its gradient and its second derivatives, or None outside."""
     c, t = x[:-1], float(x[-1])
     room = 1.0 - float(c @ c)
     matrix = np.tensordot(c, matrices, 1) - t * np.eye(matrices.shape[1])
@@ -169,4 +161,4 @@ def _barrier(matrices: Floats, x: Floats, weight: float) -> _Barrier | None:
     hessian[:-1, :-1] += 2 / room * np.eye(c.size)
     hessian[:-1, -1] = hessian[-1, :-1] = -np.einsum("kij,ji->k", along, inverse)
     hessian[-1, -1] = np.sum(inverse**2)
-    return _Barrier(float(-weight * t - np.log(eigenvalues).sum() - np.log(room)), gradient, hessian)
+    return float(-weight * t - np.log(eigenvalues).sum() - np.log(room)), gradient, hessian

@@ -11,8 +11,8 @@ that vanishes on it is kept by first integrals (D.3), and has no witness.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -26,73 +26,53 @@ from lagcli.linear import decompositions, rank
 SCHEME = (dop853_tableau.A[: dop853_tableau.STAGES], dop853_tableau.B)
 
 
-class ControlledFrame(Protocol):
-    """Fields that span the kernel of A."""
-
-    @property
-    def part(self) -> LocalPart:
-        """Whose rows are kept."""
-
-    @property
-    def steps(self) -> paths.PathSteps:
-        """Steps along the fields of the part."""
-
-    @property
-    def controls(self) -> Floats:
-        """The arguments of the steps for a control u (m,): columns (., m)."""
-
-
 @dataclasses.dataclass(frozen=True)
-class Axes:
+class ControlledFrame:
+    """Fields that span the kernel of the rows A of a part.
+
+    controls (., m): the arguments of the steps for a control u (m,); build: makes the steps, once for each `key`; free:
+    the coordinates along which a control moves singly, if it does.
+    """
+
+    part: LocalPart
+    controls: Floats
+    key: tuple[int, ...]
+    build: Callable[[], paths.PathSteps]
+    free: tuple[int, ...] = ()
+
+    @cached_property
+    def steps(self) -> paths.PathSteps:
+        """Steps along the fields."""
+        if self.key not in self.part.built:
+            self.part.built[self.key] = self.build()
+        return self.part.built[self.key]
+
+
+def along_axes(part: LocalPart, chosen: Integers, led: Integers, free: Integers) -> ControlledFrame:
     """Moves along single coordinates: the `free` ones (m,) take the controls, the `led` ones (r,) follow.
 
     X_f = e_f - A_led^-1 A_f for `chosen` independent rows (r,): the fields commute in the free coordinates, so that
     a loop is one that a person can draw.
     """
 
-    part: LocalPart
-    chosen: Integers
-    led: Integers
-    free: Integers
+    def build() -> paths.PathSteps:
+        z, A = part.expressions
+        return paths.PathSteps(paths.axes(z, A[chosen.tolist(), :], led, free), SCHEME)
 
-    @cached_property
-    def steps(self) -> paths.PathSteps:
-        """As of `ControlledFrame`."""
-
-        def build() -> paths.PathSteps:
-            z, A = self.part.expressions
-            return paths.PathSteps(paths.axes(z, A[self.chosen.tolist(), :], self.led, self.free), SCHEME)
-
-        return self.part.once((*self.chosen, -1, *self.led, -1, *self.free), build)
-
-    @cached_property
-    def controls(self) -> Floats:
-        """As of `ControlledFrame`."""
-        return np.eye(self.free.size)
+    return ControlledFrame(part, np.eye(free.size), (*chosen, -1, *led, -1, *free), build, tuple(free))
 
 
-@dataclasses.dataclass(frozen=True)
-class Projected:
+def projected(part: LocalPart, directions: Floats) -> ControlledFrame:
     """Fixed directions E (k, m) projected onto the kernel; the last control is dt. It has no pole.
 
     dq = E u - B^T (B B^T)^-1 (B E u + b dt).
     """
-
-    part: LocalPart
-    directions: Floats
-
-    @cached_property
-    def steps(self) -> paths.PathSteps:
-        """As of `ControlledFrame`; U (N, m + 1)."""
-        return self.part.once((), lambda: paths.PathSteps(paths.projected(*self.part.expressions), SCHEME))
-
-    @cached_property
-    def controls(self) -> Floats:
-        """As of `ControlledFrame`."""
-        k, m = self.directions.shape
-        found = np.zeros((k + 1, m + 1))
-        found[:k, :m], found[k, m] = self.directions, 1.0
-        return found
+    k, m = directions.shape
+    controls = np.zeros((k + 1, m + 1))
+    controls[:k, :m], controls[k, m] = directions, 1.0
+    return ControlledFrame(
+        part, controls, (), lambda: paths.PathSteps(paths.projected(*part.expressions), SCHEME)
+    )
 
 
 def velocity(frame: ControlledFrame, Z: Floats, U: Floats) -> Floats:
@@ -187,7 +167,7 @@ def through(part: LocalPart, point: Floats, size: float, timed: bool) -> PathOrb
     m = 0 if kernel is None else kernel.shape[1] + timed
     if kernel is None or m == 0:
         return None
-    frame = Projected(part, kernel)
+    frame = projected(part, kernel)
     control = np.eye(kernel.shape[1] + 1)[:m]  # of each field, the last in time
     # The fields at the ends of random paths, carried back to the point.
     random = np.random.default_rng(SEED)
@@ -217,7 +197,7 @@ def is_singular(part: LocalPart, point: Floats) -> bool:
     random = np.random.default_rng(SEED)
     out = np.zeros((3, 1, kernel.shape[1] + 1))
     out[:, 0, :-1] = BESIDE * random.standard_normal((3, kernel.shape[1]))
-    points = ends(Projected(part, kernel), point, out, 2)
+    points = ends(projected(part, kernel), point, out, 2)
     kernels = (_kernel(part, end) for end in points if np.isfinite(end).all())
     return any(other is not None and other.shape[1] < kernel.shape[1] for other in kernels)
 
@@ -234,7 +214,7 @@ def _kernel(part: LocalPart, point: Floats) -> Floats | None:
 
 
 def _returned(
-    frame: Projected, point: Floats, out: Floats, control: Floats, size: float, steps: int
+    frame: ControlledFrame, point: Floats, out: Floats, control: Floats, size: float, steps: int
 ) -> Floats:
     """The fields of `control` (m, .) carried back along each path `out` (N, S, .), (N m, k + 1), some not finite."""
     far = ends(frame, point, out, steps)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -43,7 +42,7 @@ class LocalPart:
     rows: Integers
     coordinates: Integers
     deadline: float
-    _built: dict[tuple[int, ...], paths.PathSteps] = dataclasses.field(default_factory=dict)
+    built: dict[tuple[int, ...], paths.PathSteps] = dataclasses.field(default_factory=dict)
 
     @property
     def k(self) -> int:
@@ -109,12 +108,6 @@ class LocalPart:
         """z (k + 1,) and A (c, k + 1) as expressions in it."""
         fixed = paths.FixedValues(self.state.q, self.state.v, self.state.p, self.scale)
         return paths.rows(self.system, self.rows, self.coordinates, fixed)
-
-    def once(self, key: tuple[int, ...], build: Callable[[], paths.PathSteps]) -> paths.PathSteps:
-        """Steps built when they are first asked for."""
-        if key not in self._built:
-            self._built[key] = build()
-        return self._built[key]
 
     def residual(self, Z: Floats) -> float:
         """The largest |f| of the holonomic rows that the part touches, over points (N, k + 1)."""

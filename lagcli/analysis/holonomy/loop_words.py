@@ -104,10 +104,10 @@ def _lengths(values: list[tuple[int, ...]], letters: int, extra: int) -> Floats:
 
 
 def free_paths(
-    frame: controlled_paths.Projected, size: float, timed: bool, segments: int
+    frame: controlled_paths.ControlledFrame, size: float, timed: bool, segments: int
 ) -> tuple[LoopWords, Floats]:
     """Paths of any shape: four random controls (N, q) in some segments, to be solved for."""
-    m = frame.directions.shape[1]
+    m = frame.controls.shape[1] - 1
     random = np.random.default_rng(segments)
     count = segments * m
     basis = np.zeros((segments, m + 1, count))

@@ -17,7 +17,6 @@ import numpy as np
 
 from lagcli import doubles
 from lagcli.analysis.holonomy import controlled_paths, loop_words
-from lagcli.analysis.holonomy.local_system import LocalPart
 from lagcli.analysis.holonomy.loop_words import Goal, LoopWords
 from lagcli.arrays import Floats
 
@@ -96,14 +95,29 @@ def proved(words: LoopWords, goal: Goal, x: Floats) -> Witness | None:
     closure = float(np.abs(end[goal.closed]).max(initial=0.0))
     moved = np.abs(end) > controlled_paths.SEEN * goal.size
     moved[[goal.along, *goal.closed]] = False
-    residual = max(_row_residual(words.frame, p, c) for p, c in zip(points, paths, strict=True))
+    # The largest |A_i dz| / (|A_i| |dz|) over rows and points
+    residual = 0.0
+    for passed, path in zip(points, paths, strict=True):
+        before, U = passed[:-1], np.repeat(path, (len(passed) - 1) // len(path), axis=0)
+        rates = controlled_paths.velocity(words.frame, before, U) * part.scale
+        A = part.forms(before) / part.scale
+        sizes = np.linalg.norm(A, axis=2) * np.linalg.norm(rates, axis=1)[:, None]
+        rests = np.abs(np.einsum("ncz,nz->nc", A, rates)) / np.where(sizes > 0, sizes, 1.0)
+        residual = max(residual, float(rests.max(initial=0.0)))
     size = float(max(np.abs(p).max() for p in points))
     error = float(uncertain[goal.along] + closure + 4 * doubles.EPS * size)
     clear = abs(amount) > CLEAR * goal.size and error < doubles.ROOT * abs(amount)
-    if not (clear and residual < doubles.ZERO and _crosses(part, goal, amount, bool(moved.any()))):
+    if not (clear and residual < doubles.ZERO):
         return None
+    if not moved.any():
+        # The row keeps its sign along the coordinate between the two ends: then any integral changes. Where others
+        # follow, the direction itself was tried at the base, and the amount is as small as one likes.
+        Z = np.repeat(goal.start[None], 33, axis=0)
+        Z[:, goal.along] += np.linspace(0, amount, 33)
+        rate = part.forms(Z)[:, part.row, goal.along]
+        if not (np.isfinite(rate).all() and ((rate > 0).all() or (rate < 0).all())):
+            return None
     names, scale = part.names, part.scale
-    free = words.frame.free if isinstance(words.frame, controlled_paths.Axes) else ()
     points = [p * scale for p in points]
     steps = [(len(p) - 1) // len(c) for p, c in zip(points, paths, strict=True)]
     return Witness(
@@ -114,7 +128,7 @@ def proved(words: LoopWords, goal: Goal, x: Floats) -> Witness | None:
         names=names,
         back=tuple(names[i] for i in np.flatnonzero(~moved[:-1]) if i != goal.along),
         follow=tuple(names[i] for i in np.flatnonzero(moved)),
-        free=tuple(names[i] for i in free),
+        free=tuple(names[i] for i in words.frame.free),
         paths=tuple(  # of each move twelve points
             Path(p[::n], p[:: max(1, n // 12)]) for p, n in zip(points, steps, strict=True)
         ),
@@ -126,16 +140,6 @@ def proved(words: LoopWords, goal: Goal, x: Floats) -> Witness | None:
         configuration=part.whole(goal.start[None])[0],
         holds_time=words.rest is None and part.knows_time,
     )
-
-
-def _crosses(part: LocalPart, goal: Goal, amount: float, is_followed: bool) -> bool:
-    """True if the row keeps its sign along the coordinate between the two ends: then any integral changes."""
-    if is_followed:
-        return True  # the direction itself was tried at the base, and the amount is as small as one likes
-    Z = np.repeat(goal.start[None], 33, axis=0)
-    Z[:, goal.along] += np.linspace(0, amount, 33)
-    rate = part.forms(Z)[:, part.row, goal.along]
-    return bool(np.isfinite(rate).all() and ((rate > 0).all() or (rate < 0).all()))
 
 
 def _followed(
@@ -154,18 +158,6 @@ def _followed(
         if changed.max() <= doubles.VALUE * max(1.0, np.abs(points).max()):
             break
     return points, changed
-
-
-def _row_residual(frame: controlled_paths.ControlledFrame, points: Floats, controls: Floats) -> float:
-    """The largest |A_i dz| / (|A_i| |dz|) over rows and points."""
-    steps = (len(points) - 1) // len(controls)
-    before, U = points[:-1], np.repeat(controls, steps, axis=0)
-    scale = frame.part.scale
-    rates = controlled_paths.velocity(frame, before, U) * scale
-    A = frame.part.forms(before) / scale
-    sizes = np.linalg.norm(A, axis=2) * np.linalg.norm(rates, axis=1)[:, None]
-    found = np.abs(np.einsum("ncz,nz->nc", A, rates)) / np.where(sizes > 0, sizes, 1.0)
-    return float(found.max(initial=0.0))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,7 +8,7 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Iterator
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -25,31 +25,13 @@ from lagcli.linear import independent_rows
 from lagcli.start import assembly, initial, projection
 from lagcli.start.initial import State
 
-
-class WitnessSearchParameters:
-    """The order of the search. The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`."""
-
-    __slots__ = ()
-
-    usual: tuple[float, ...] = (1.0, 0.5, 0.2, 0.1)
-    """Sizes of loops, in the order in which they are tried.
-    `test_sizes_of_loops_are_tried_from_usual_ones_to_far_ones`."""
-    far: tuple[float, ...] = (0.02, 10.0, 100.0, 1e-3)
-    """Sizes that come last, with round lengths alone: few systems need them.
-    `test_sizes_of_loops_are_tried_from_usual_ones_to_far_ones`."""
-    bent: float = 0.5
-    """The angle by which holonomic rows are turned in them, rad. `test_holonomic_rows_are_turned_by_half_a_radian`."""
-    drawn: float = 0.7
-    """The part that is left of the distances of particles from those of the row.
-    `test_particles_are_drawn_together_to_seven_tenths`."""
-    combinations: int = 200
-    """Sets of coordinates up to which all are tried. `test_up_to_two_hundred_sets_of_coordinates_all_are_tried`."""
-    many: int = 1
-    """Conditions up to which all words of round lengths are tried.
-    `test_of_one_condition_two_goals_are_tried_and_of_more_one`."""
-
-
-PARAMETERS = WitnessSearchParameters()
+# Sizes of loops in the order in which they are tried; the far ones come last, with round lengths alone.
+USUAL, FAR = (1.0, 0.5, 0.2, 0.1), (0.02, 10.0, 100.0, 1e-3)
+# Bent configurations: the angle by which holonomic rows are turned, rad, and what is left of the distances of particles
+# from those of the row.
+BENT, DRAWN = 0.5, 0.7
+# Sets of coordinates up to which all are tried; conditions up to which all words of round lengths are.
+COMBINATIONS, MANY = 200, 1
 # Of random directions; a fixed one: the witness must not change from run to run.
 SEED = 2023
 
@@ -104,12 +86,12 @@ def _bent(system: System, numeric: NumericSystem, state: State, row: int, seed: 
     with np.errstate(all="ignore"):
         rates = turned / lengths / doubles.ROOT
     rates = rates[np.isfinite(rates) & (rates > 0)]
-    q = state.q + (PARAMETERS.bent / float(np.median(rates)) if rates.size else PARAMETERS.bent) * noise
+    q = state.q + (BENT / float(np.median(rates)) if rates.size else BENT) * noise
     count = state.q.size - len(system.model.generalized_names)  # components of particles come first
     touched = np.unique(column[row_of == row])
     if (touched < count).any():
         centre = state.q[:count].reshape(-1, 3)[touched[touched < count] // 3].mean(axis=0)
-        q[:count] -= np.ravel((1 - PARAMETERS.drawn) * (state.q[:count].reshape(-1, 3) - centre))
+        q[:count] -= np.ravel((1 - DRAWN) * (state.q[:count].reshape(-1, 3) - centre))
     surface = projection.Surface(numeric, state.t, state.p, initial.metric_at(numeric, state))
     reached = surface.descend(q)
     return dataclasses.replace(state, q=reached.q) if reached.is_on else None
@@ -121,13 +103,12 @@ def _found(parts: list[LocalPart], is_whole: bool, shift: int) -> Witness | None
         searches = list(_searches(group, shift, is_whole and group[-1] is parts[-1]))
         # Words that close by themselves have round lengths; then those whose lengths must be solved for, at last so
         # that the coordinate moves by a round amount. Sizes far from one come last: few systems need them.
-        usual, far = PARAMETERS.usual, PARAMETERS.far
         stages = (
-            (_WitnessSearch.words, LoopTrial.closing, usual),
-            (_WitnessSearch.words, LoopTrial.solved, usual),
-            (_WitnessSearch.long_words, LoopTrial.shaped, usual),
-            (_WitnessSearch.paths, LoopTrial.shaped, usual[:2]),
-            (_WitnessSearch.words, LoopTrial.closing, far),
+            (_WitnessSearch.words, LoopTrial.closing, USUAL),
+            (_WitnessSearch.words, LoopTrial.solved, USUAL),
+            (partial(_WitnessSearch.words, are_long=True), LoopTrial.shaped, USUAL),
+            (_WitnessSearch.paths, LoopTrial.shaped, USUAL[:2]),
+            (_WitnessSearch.words, LoopTrial.closing, FAR),
         )
         for trials, attempt, sizes in stages:
             for search in searches:
@@ -139,6 +120,7 @@ def _found(parts: list[LocalPart], is_whole: bool, shift: int) -> Witness | None
 
 
 def _searches(parts: list[LocalPart], shift: int, is_whole: bool) -> Iterator[_WitnessSearch]:
+    """The searches from the start, or from a point beside it that satisfies the holonomic rows too."""
     if shift == 0:
         parts = [part for part in parts if not controlled_paths.is_singular(part, part.start)]
     # Closed loops first; in time all rows must be kept, so that only a part with all that matters serves.
@@ -146,28 +128,23 @@ def _searches(parts: list[LocalPart], shift: int, is_whole: bool) -> Iterator[_W
     if parts and is_whole and parts[-1].knows_time:
         kinds.append((parts[-1], True))
     orbits: dict[tuple[int, bool, bytes], PathOrbit] = {}
-    for size, (part, timed) in itertools.product((*PARAMETERS.usual, *PARAMETERS.far), kinds):
-        base = _base(part, size, shift)
-        if base is not None:
-            yield _WitnessSearch(part, base, size, timed, orbits)
-
-
-def _base(part: LocalPart, size: float, shift: int) -> Floats | None:
-    """The start, or a point beside it that satisfies the holonomic rows too."""
-    start = part.start
-    if shift == 0:
-        return start
-    weights = np.array([(1 + i * shift) % (shift + 1) + 1 for i in range(part.k)]) / 2
-    if (part.rows >= part.system.holonomic_count).all():
-        return np.append(start[:-1] + size * weights, start[-1])
-    found = controlled_paths.through(part, start, size, timed=False)
-    if found is None:
-        return None
-    frame = controlled_paths.Projected(part, found.kernel)
-    control = np.zeros((1, 1, found.kernel.shape[1] + 1))
-    control[0, 0, :-1] = size * found.kernel.T @ weights
-    end = controlled_paths.ends(frame, start, control, 16)[0]
-    return end if np.isfinite(end).all() else None
+    for size, (part, timed) in itertools.product((*USUAL, *FAR), kinds):
+        base = part.start
+        if shift:
+            weights = np.array([(1 + i * shift) % (shift + 1) + 1 for i in range(part.k)]) / 2
+            if (part.rows >= part.system.holonomic_count).all():
+                base = np.append(base[:-1] + size * weights, base[-1])
+            else:
+                found = controlled_paths.through(part, base, size, timed=False)
+                if found is None:
+                    continue
+                control = np.zeros((1, 1, found.kernel.shape[1] + 1))
+                control[0, 0, :-1] = size * found.kernel.T @ weights
+                frame = controlled_paths.projected(part, found.kernel)
+                base = controlled_paths.ends(frame, base, control, 16)[0]
+                if not np.isfinite(base).all():
+                    continue
+        yield _WitnessSearch(part, base, size, timed, orbits)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -180,21 +157,17 @@ class _WitnessSearch:
     timed: bool
     orbits: dict[tuple[int, bool, bytes], PathOrbit]
 
-    def words(self) -> list[LoopTrial]:
-        """Words of moves along axes."""
-        return [trial for trial in self._every_word if trial.extra <= PARAMETERS.many]
-
-    def long_words(self) -> list[LoopTrial]:
-        """Those of which all round lengths would be too many."""
-        return [trial for trial in self._every_word if trial.extra > PARAMETERS.many]
+    def words(self, are_long: bool = False) -> list[LoopTrial]:
+        """Words of moves along axes; are_long: those of which all round lengths would be too many."""
+        return [trial for trial in self._every_word if (trial.extra > MANY) is are_long]
 
     def paths(self) -> Iterator[LoopTrial]:
         """Paths of any shape; of too many goals, those of the coordinates in which the orbit's points differ most."""
         free = np.array([self.part.k] if self.timed else [], dtype=np.int64)
         for found, along in self._movable:
-            frame = controlled_paths.Projected(self.part, found.kernel)
+            frame = controlled_paths.projected(self.part, found.kernel)
             others = max(0, found.tangent.shape[1] - free.size - 1)
-            if math.comb(self.part.k - 1, others) <= PARAMETERS.combinations:
+            if math.comb(self.part.k - 1, others) <= COMBINATIONS:
                 goals = list(self._goals(found, along, free))
             else:
                 closed = _pivots(found.tangent.T, along)[1 : found.tangent.shape[1]]
@@ -204,16 +177,6 @@ class _WitnessSearch:
                 yield LoopTrial(goal, *loop_words.free_paths(frame, self.size, self.timed, segments))
 
     @cached_property
-    def _orbit(self) -> PathOrbit | None:
-        key = (self.part.k, self.timed, self.base.tobytes())
-        if key not in self.orbits:
-            found = controlled_paths.through(self.part, self.base, self.size, self.timed)
-            if found is None or not found.is_explored:
-                return found  # at another size there may be more
-            self.orbits[key] = found
-        return self.orbits[key]
-
-    @cached_property
     def _every_word(self) -> list[LoopTrial]:
         """Words of moves along free coordinates, for each choice of them."""
         turns = np.pi / 4 * min(1.0, self.size) / self.part.scale[:-1]
@@ -221,8 +184,8 @@ class _WitnessSearch:
         trials = []
         for found, along in self._movable:
             for axes in self._frames(found, along):
-                own, m = units[axes.free], axes.free.size
-                for goal in self._goals(found, along, axes.free):
+                own, m = units[list(axes.free)], len(axes.free)
+                for goal in self._goals(found, along, np.array(axes.free, dtype=np.int64)):
                     extra = goal.closed.size - m
                     if self.timed:
                         tries = [loop_words.words_in_time(axes, m, i, own, extra) for i in range(m - 1)]
@@ -235,7 +198,10 @@ class _WitnessSearch:
     @cached_property
     def _movable(self) -> list[tuple[PathOrbit, int]]:
         """The orbit, and each coordinate of the row that a reachable direction moves across it, the clearest first."""
-        found = self._orbit
+        key = (self.part.k, self.timed, self.base.tobytes())
+        found = self.orbits.get(key) or controlled_paths.through(self.part, self.base, self.size, self.timed)
+        if found is not None and found.is_explored:  # at another size there is no more
+            self.orbits[key] = found
         if found is None or not found.tangent.shape[1]:
             return []
         omega = self._omega(self.base)
@@ -260,7 +226,7 @@ class _WitnessSearch:
         """The coordinates to close besides the free ones; those with the fewest that follow first."""
         missing = found.tangent.shape[1] - free.size - 1
         others = [i for i in range(self.part.k) if i != along and i not in free]
-        if missing < 0 or math.comb(len(others), missing) > PARAMETERS.combinations:
+        if missing < 0 or math.comb(len(others), missing) > COMBINATIONS:
             return
         goals = []
         for more in itertools.combinations(others, missing):
@@ -269,12 +235,12 @@ class _WitnessSearch:
             if lift is not None and self._is_crossed(lift):
                 goals.append((np.count_nonzero(lift[:, -1]), Goal(self.base, along, closed, self.size)))
         goals.sort(key=lambda one: one[0])
-        yield from (goal for _, goal in goals[: 2 if missing <= PARAMETERS.many else 1])
+        yield from (goal for _, goal in goals[: 2 if missing <= MANY else 1])
 
-    def _frames(self, found: PathOrbit, along: int) -> list[controlled_paths.Axes]:
+    def _frames(self, found: PathOrbit, along: int) -> list[controlled_paths.ControlledFrame]:
         """Choices of free coordinates, `along` being led; those that steer best first."""
         part = self.part
-        frame = controlled_paths.Projected(part, found.kernel)
+        frame = controlled_paths.projected(part, found.kernel)
         random = np.random.default_rng(SEED)
         out = np.zeros((3, 1, found.kernel.shape[1] + 1))
         out[:, 0, :-1] = 0.3 * self.size * random.standard_normal(out[:, 0, :-1].shape)
@@ -288,7 +254,7 @@ class _WitnessSearch:
         if chosen.size < rank:
             return []
         others = [i for i in range(part.k) if i != along]
-        if math.comb(part.k - 1, rank - 1) <= PARAMETERS.combinations:
+        if math.comb(part.k - 1, rank - 1) <= COMBINATIONS:
             sets = [np.array([along, *led]) for led in itertools.combinations(others, rank - 1)]
         else:
             sets = [_pivots(A[0][chosen][:, :-1], along)]
@@ -301,9 +267,8 @@ class _WitnessSearch:
                 steering = int(pure.sum())
                 free = free[np.argsort(~pure, kind="stable")]
                 free = np.append(free, part.k) if self.timed else free
-                ranked.append(
-                    (-steering, round(math.log10(worst)), controlled_paths.Axes(part, chosen, led, free))
-                )
+                axes = controlled_paths.along_axes(part, chosen, led, free)
+                ranked.append((-steering, round(math.log10(worst)), axes))
         ranked.sort(key=lambda entry: entry[:2])
         return [axes for *_, axes in ranked[:4]]
 
