@@ -181,10 +181,9 @@ def forces(model: Model, table: Table) -> Floats | None:
         for some in (names, rates)
     )
     laws = ModelLaws(model)
-    index, own = laws.index, laws.index.first_generalized
     with np.errstate(all="ignore"):
         values = laws.values(t, q, v, np.zeros((len(t), laws.C)))
-    found = index.together(values.F_q - values.V_q[:, :own], values.force_x)
+    found = laws.index.components(values.F - values.V_q)
     return np.nan_to_num(found.reshape(len(t), -1, 3), posinf=0.0, neginf=0.0)
 
 

@@ -95,7 +95,7 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
         incidents = table_input.at_rows(incidents, record)
     # Entries that are no numbers; a multiplier may have none at a pole, which is judged with the others
     names = table_input.names(laws)
-    parts = [(getattr(names, part), getattr(record, part)) for part in ("q", "v", "x", "u", "R_q", "R_x")]
+    parts = [(getattr(names, part), getattr(record, part)) for part in ("q", "v", "R")]
     parts.append((names.lam, np.where(np.isinf(record.lam), np.nan, 0.0)))
     entries = np.where(np.isfinite(np.concatenate([values for _, values in parts], axis=1)), 0.0, np.nan)
     of_entries = [name for part, _ in parts for name in part]
@@ -213,7 +213,7 @@ def _elsewhere(model: nouns.Model, record: Record, tolerance: Tolerance) -> list
     t, q, v = model_values.start(model)
     if record.t[0] != t or model.simulation.assemble:
         return []
-    apart = np.abs(np.concatenate([record.q[0] - q, record.v[0] - v]))
+    apart = np.abs(np.concatenate([record.q[0, : len(q)] - q, record.v[0, : len(v)] - v]))
     size = np.abs(np.concatenate([q, v])).max(initial=0.0)
     if not (apart > 1e3 * tolerance.rtol * size + 1e3 * tolerance.atol).any():
         return []

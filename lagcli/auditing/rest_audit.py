@@ -6,7 +6,6 @@ f = 0, b = 0,   F + B^T lambda = 0 with the inertial terms of positions that mov
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -35,7 +34,7 @@ def is_table(columns: Sequence[str]) -> bool:
 def wanted(model: nouns.Model, columns: Sequence[str]) -> tuple[str, ...]:
     """The columns that are read. Raises `table_input.TableError` with what is missing."""
     names = table_input.names(ModelLaws(model))
-    needed = (*names.q, *names.x, *names.lam, *names.R_q, *names.R_x)
+    needed = (*names.q, *names.lam, *names.R)
     missing = [name for name in needed if name not in set(columns)]
     if missing:
         raise table_input.TableError(f"the table of points lacks the column `{missing[0]}`")
@@ -48,29 +47,28 @@ def audit(model: nouns.Model, columns: Sequence[str], rows: Array, unread: Seque
     wanted(model, columns)
     if not len(rows):
         raise table_input.TableError("the table has no rows")
-    names, column = table_input.names(laws), {name: i for i, name in enumerate(columns)}
-    q, lam, R_q, R_x, x = (
-        rows[:, [column[name] for name in part]]
-        for part in (names.q, names.lam, names.R_q, names.R_x, names.x)
-    )
-    numbers = np.arange(len(q), dtype=float)
+    names, column, n = table_input.names(laws), {name: i for i, name in enumerate(columns)}, laws.index.n
+    whole, lam, R = (rows[:, [column[name] for name in part]] for part in (names.q, names.lam, names.R))
+    q, x, numbers = whole[:, :n], whole[:, n:], np.arange(len(whole), dtype=float)
     with np.errstate(all="ignore"):
         # What rounding does is told by points beside these
         signs = np.random.default_rng(0).choice([-1.0, 1.0], q.shape)
-        one = _point(laws, q, lam)
-        other = _point(laws, q + ROUNDED * np.maximum(np.abs(q), 1e-3 * (_largest(q) + 1e-3)) * signs, lam)
-        here, there, contacts = one.values, other.values, laws.of_contacts
+        here, moving, total, size = _point(laws, q, lam)
+        beside = q + ROUNDED * np.maximum(np.abs(q), 1e-3 * (_largest(q) + 1e-3)) * signs
+        there, _, total_there, _ = _point(laws, beside, lam)
+        contacts = laws.of_contacts
         first, rest = contacts.start, np.delete(np.arange(laws.C), contacts)
         f, b, g, push = here.f[:, :first], here.b[:, rest], here.f[:, contacts], lam[:, contacts]
-        driven = _largest(one.inertial) + _largest(one.explicit)
-        of_balance = doubles.ZERO * one.size + 4 * np.abs(other.total - one.total)
-        of_F = 4 * np.abs(other.F_x - one.F_x) + doubles.ZERO * _largest(one.F_x)
+        F_x, F_x_there = (values.force()[:, n:] for values in (here, there))
+        driven = _largest(moving[:, n:]) + _largest(moving[:, :n])
+        of_balance = doubles.ZERO * size + 4 * np.abs(total_there - total)
+        of_F = 4 * np.abs(F_x_there - F_x) + doubles.ZERO * _largest(F_x)
         of_pull = 4 * np.abs(there.pull - here.pull) + doubles.ZERO * _largest(here.pull)
         off = 4 * np.abs(there.f[:, contacts] - g) + 1e-12
         checks = [
             judge_parts(
                 POSITIONS,
-                [*laws.holonomic[:first], *(f"rate of {laws.rows[i]}" for i in rest), *names.x],
+                [*laws.holonomic[:first], *(f"rate of {laws.rows[i]}" for i in rest), *names.q[n:]],
                 numbers,
                 (f, 4 * (np.abs(there.f[:, :first] - f) + 1e-13 * np.maximum(_largest(q), 1.0))),
                 (b, 4 * np.abs(there.b[:, rest] - b) + 1e-12),
@@ -78,16 +76,16 @@ def audit(model: nouns.Model, columns: Sequence[str], rows: Array, unread: Seque
             ),
             judge_parts(
                 EQUILIBRIUM,
-                names.q,
+                names.q[:n],
                 numbers,
-                (one.total, of_balance + doubles.ROOT * driven * (one.size > 0) + 1e-300),
+                (total, of_balance + doubles.ROOT * driven * (size > 0) + 1e-300),
             ),
             judge_parts(
                 REACTIONS,
-                [*names.R_q, *names.R_x],
+                names.R,
                 numbers,
-                (here.pull - R_q, of_pull + 1e-300),
-                (one.inertial - one.F_x - R_x, of_F + doubles.ROOT * np.abs(one.inertial) + 1e-300),
+                (here.pull - R[:, :n], of_pull + 1e-300),
+                (moving[:, n:] - F_x - R[:, n:], of_F + doubles.ROOT * np.abs(moving[:, n:]) + 1e-300),
             ),
         ]
         if laws.contacts:  # they push, and only where they touch
@@ -114,39 +112,22 @@ def audit(model: nouns.Model, columns: Sequence[str], rows: Array, unread: Seque
     )
 
 
-class _Point(NamedTuple):
-    """The laws at points of rest: inertial (T, 3 Nd), m d2x/dt2 of the dependent particles at fixed q; explicit (T, n),
-    the rate of dL/dv of the `lagrangian`; F_x (T, 3 Nd) on dependent particles; total (T, n), F + B^T lambda with these
-    terms; size (T, 1), the sum of the sizes of its terms at each row."""
-
-    values: LawValues
-    inertial: Array
-    explicit: Array
-    F_x: Array
-    total: Array
-    size: Array
-
-
-def _point(laws: ModelLaws, q: Array, lam: Array) -> _Point:
-    index, t, still = laws.index, np.full(len(q), laws.model.simulation.start), np.zeros(q.shape)
+def _point(laws: ModelLaws, q: Array, lam: Array) -> tuple[LawValues, Array, Array, Array]:
+    """The laws at points of rest q (T, n): their values; what the inertia of all that moves with t takes, (T, n + 3
+    Nd); F + B^T lambda less that, (T, n), and the sum of the sizes of its terms at each row, (T, 1)."""
+    n, t, still = laws.index.n, np.full(len(q), laws.model.simulation.start), np.zeros(q.shape)
     values = laws.values(t, q, still, lam)
     # What moves with t is differentiated by differences of order four.
-    h = RESOLVED * (laws.model.simulation.duration or 1.0)
-    at = [laws.values(t + k * h, q, still, lam) for k in (-2, -1, 1, 2)]
-    rate_u, explicit = (
-        (y[0] - 8 * y[1] + 8 * y[2] - y[3]) / (12 * h)
-        for y in ([each.u for each in at], [each.L_v for each in at])
-    )
-    inertial, F_x = index.masses_x * rate_u, values.force_x
-    direct = np.zeros(q.shape)
-    direct[:, : index.first_generalized] = values.F_q
-    terms = [direct, values.Q, -values.V_q, values.L_q, values.pull]
-    if index.dependent.size:
-        terms.append(laws.pushed(t, q, still, F_x + values.L_x - inertial))
-    terms.append(-explicit)
-    return _Point(
-        values, inertial, explicit, F_x, np.asarray(sum(terms)), np.asarray(sum(map(_largest, terms)))
-    )
+    h, momenta = RESOLVED * (laws.model.simulation.duration or 1.0), []
+    for k in (-2, -1, 1, 2):
+        at = laws.values(t + k * h, q, still, lam)
+        momenta.append(np.concatenate([at.L_v[:, :n], laws.index.masses_along[n:] * at.u], axis=1))
+    y = momenta
+    moving = (y[0] - 8 * y[1] + 8 * y[2] - y[3]) / (12 * h)
+    carried = (values.F - values.V_q + values.L_q - moving)[:, n:]
+    terms = [part[:, :n] for part in (values.F, -values.V_q, values.L_q, values.pull, -moving)]
+    terms.append(laws.pushed(t, q, still, carried))
+    return values, moving, np.asarray(sum(terms)), np.asarray(sum(map(_largest, terms)))
 
 
 def _largest(y: Array) -> Array:

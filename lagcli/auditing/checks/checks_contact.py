@@ -102,12 +102,12 @@ def _pressed(e: Evidence, s: ContactStates) -> Check:
     at = np.flatnonzero(touches.any(axis=1))
     residual, limit, judged = np.zeros(s.g.shape), np.ones(s.g.shape), np.ones(s.g.shape, dtype=bool)
     if at.size:
-        r = e.record.part(at)
-        total = (e.values.F_q - e.values.V_q)[at] + r.R_q
-        noise = e.force_noise[0][at] + e.recorded(r.R_q)
+        r, n = e.record.part(at), e.n
+        total = e.total_force[at, :n]
+        noise = e.force_noise[at, :n] + e.recorded(r.R[:, :n])
 
         def second(q: Array, v: Array, force: Array, later: float = 0.0) -> Array:
-            return laws.demanded(r.t + later, q, v, force / e.masses)[:, laws.of_contacts]
+            return laws.demanded(r.t + later, q, v, force / e.masses[:n])[:, laws.of_contacts]
 
         # A wall that bends at the time itself lets go of what rests on it.
         rates = np.maximum.reduce([second(r.q, r.v, total, side * e.clock) for side in (-1, 0, 1)])

@@ -106,7 +106,7 @@ def flights(e: Evidence) -> list[Check]:
     impact, laws = e.once(checks_impact.impact_evidence), e.laws
     if impact is None or not len(impact.incidents.t):
         return []
-    if e.record.x.size or laws.index.coordinates.names or laws.model.lagrangian:
+    if laws.index.dependent.size or laws.index.coordinates.names or laws.model.lagrangian:
         return [_kinematics(e, impact)]
     every_flight = _flights(e, e.once(checks_contact.contact_states), impact)
     names = (*e.names.q, *e.names.v)
@@ -138,7 +138,8 @@ def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:
 
     The states of incidents take no part in the integral: one that is wrong would hide itself in its bound.
     """
-    incidents, r, names = impact.incidents, e.record, e.names.q
+    incidents, n, names = impact.incidents, e.n, e.names.q[: e.n]
+    r = dataclasses.replace(e.record, q=e.record.q[:, :n], v=e.record.v[:, :n])
     first, last = incidents.first, incidents.last
     # The stretches of rows before, between and after the instants; some have rebounds that are not recorded
     at = incidents.t[first]
@@ -150,6 +151,7 @@ def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:
     # Both sides of each instant, before and after, less one before the first row and one after the last: the state
     # there, the row next to it, the rows up to the next instant
     state = _joined(incidents.before.part(first), incidents.after.part(last))
+    state = dataclasses.replace(state, q=state.q[:, :n], v=state.v[:, :n])
     ahead, count = np.repeat([-1, 1], len(at)), end - begin
     k = np.flatnonzero(np.where(ahead < 0, state.t > r.t[0], state.t < r.t[-1]))
     state, ahead = state.part(k), ahead[k]
@@ -159,7 +161,7 @@ def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:
         return judge(FLIGHTS, names, state.t, state.q, state.q)
     h = np.abs(r.t[np.clip(row, 0, len(r.t) - 1)] - state.t)[:, None]
     residual, best = np.zeros(state.q.shape), np.full(state.q.shape, np.inf)
-    off_q, off_v, clock = impact.off_q, impact.off_v, impact.clock
+    off_q, off_v, clock = impact.off_q[:n], impact.off_v[:n], impact.clock
     off = 2 * SAFETY * (off_q + h * off_v) + clock * np.abs(state.v)
     before: Array | None = None
     nodes, shares = np.polynomial.legendre.leggauss(BESIDE)
@@ -185,7 +187,7 @@ def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:
             best[k] = np.where(better, unknown, best[k])
         before = apart
     close = best <= np.maximum(RESOLVED * h * np.abs(r.v).max(axis=0, initial=0.0), off)
-    judged = (close | (np.abs(residual) > best + off)) & ~e.once(RowSpacing).is_coarse[0]
+    judged = (close | (np.abs(residual) > best + off)) & ~e.once(RowSpacing).is_coarse[:n]
     judged &= ~rebounds[:, None]
     order = np.argsort(state.t, kind="stable")
     return judge(FLIGHTS, names, state.t[order], residual[order], (best + off)[order], judged[order])
@@ -250,7 +252,7 @@ class _FreeMotion:
         """a (P, n); no numbers where rows depend on each other, or almost, and multipliers need not tell the motion."""
         e, laws = self._e, self.laws
         values = e.laws.values(r.t, r.q, r.v, np.zeros((len(r.t), e.laws.C)))
-        a: Array = values.force_q() / e.masses
+        a: Array = values.force() / e.masses
         if not laws.C:
             return a
         demanded = laws.demanded(r.t, r.q, r.v, a)

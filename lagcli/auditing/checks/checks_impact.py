@@ -26,10 +26,11 @@ import numpy as np
 from lagcli import doubles
 from lagcli.auditing.checks import checks_contact, checks_motion, checks_pointwise
 from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge, judge_parts
+from lagcli.auditing.checks.checks_motion import energy_of_motion
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.differences import TWICE
 from lagcli.auditing.evidence.laws import LawValues
-from lagcli.auditing.evidence.table_input import Incidents, Record
+from lagcli.auditing.evidence.table_input import Incidents
 from lagcli.auditing.evidence.tolerances import RESOLVED, SAFETY, Evidence
 
 JUMPS = CheckedLaw("jumps", "", "p(+) - p(-) = sum_i impulse_i B_i over all rows and contacts")
@@ -79,28 +80,31 @@ class ImpactEvidence:
 
         The states before and after are off together: what lies between them is known to a part of itself.
         """
-        one, other = self.before, self.after
+        one, other, n = self.before, self.after, self.before.n
         r, s = one.record, other.record
-        jump = momenta(other, s.q, s.v, s.u, other.values) - momenta(one, r.q, r.v, r.u, one.values)
-        own = momenta(other, s.q, s.v, other.values.u, other.values)
-        own = own - momenta(one, r.q, r.v, one.values.u, one.values)
+        jump = momenta(other, s.q, s.v, other.values) - momenta(one, r.q, r.v, one.values)
+        own = momenta(other, s.q, _with_model(s.v, other.values), other.values)
+        of_model = momenta(one, r.q, _with_model(r.v, one.values), one.values)
         q, v = one.moved
-        after, off_v = other.moved[1], SAFETY * one.masses * one.off_v
+        after, off_v, masses = other.moved[1], one.off_v[:n], one.masses[:n]
         if not self.tolerance.written.is_short:
-            after = s.v + (v - r.v) * (1 + self.tolerance.rtol * np.abs(s.v - r.v) / one.off_v)
-            off_v = SAFETY * one.masses * self.tolerance.rtol * np.abs(s.v - r.v)
-        values = one.moved_values, one.laws.values(s.t, q, after, s.lam)
-        moved = momenta(other, q, after, values[1].u, values[1]) - momenta(one, q, v, values[0].u, values[0])
+            apart = s.v[:, :n] - r.v[:, :n]
+            after = s.v[:, :n] + (v - r.v[:, :n]) * (1 + self.tolerance.rtol * np.abs(apart) / off_v)
+            off_v = self.tolerance.rtol * np.abs(apart)
+        values = one.laws.values(s.t, q, after, s.lam)
+        moved = momenta(other, q, _with_model(after, values), values)
+        moved = moved - momenta(one, q, one.moved_rates, one.moved_values)
         pull, pull_moved = one.values.pull, one.moved_values.pull
+        own = own - of_model
         # The tolerance of a strong impact is not that of a weak one.
         sizes = (np.abs(part).max(axis=1, initial=0.0, keepdims=True) for part in (own, pull, one.record.lam))
         size = np.maximum.reduce(list(sizes))
         size = np.where(size > 0, size, 1.0)
         limit = size * (one.spread(own / size, moved / size) + one.spread(pull / size, pull_moved / size))
-        rounding = doubles.SUM * np.abs(momenta(one, r.q, r.v, one.values.u, one.values))
-        names = [f"p({name})" for name in one.names.q]
+        limit = limit + SAFETY * masses * off_v + 2 * doubles.SUM * np.abs(of_model)
+        names = [f"p({name})" for name in one.names.q[:n]]
         # Impulses on both sides of a body may cancel.
-        limit = limit + off_v + 2 * rounding + SAFETY * self.tolerance.rtol * size + self.tolerance.atol
+        limit = limit + SAFETY * self.tolerance.rtol * size + self.tolerance.atol
         return judge(JUMPS, names, self.incidents.t, jump - pull, limit)
 
     def kept(self) -> Check:
@@ -113,7 +117,7 @@ class ImpactEvidence:
             checks_pointwise.dependent(one),
             checks_pointwise.dependent(other),
         )
-        particles = (*one.names.x, *one.names.u)
+        particles = (*one.names.q[one.n :], *one.names.v[one.n :])
         of_particles = [f"{name} {side}" for side in ("before", "after") for name in particles]
         names = [*(laws.rows[i] for i in own), *(f"rate of {laws.rows[i]}" for i in self.rows), *of_particles]
         atol = self.tolerance.atol
@@ -170,7 +174,7 @@ class ImpactEvidence:
             # Each rebound gives e of the one before.
             e, rows, left = float(self.laws.model.restitution[j]), np.flatnonzero(incidents.t == since), 0.0
             if rows.size and e < 1:
-                jump = np.abs(self.after.record.v[rows[-1]] - self.before.record.v[rows[0]])
+                jump = np.abs(self.after.record.v[rows[-1]] - self.before.record.v[rows[0]])[: self.before.n]
                 left = float(jump.max(initial=0.0)) * e / (1 - e)
             rebounds.append((j, since, end, left))
         return tuple(rebounds)
@@ -246,13 +250,18 @@ class ImpactEvidence:
         # the mean rates are compared with the mean momenta.
         judged = np.ones((len(self.incidents.t), 1), dtype=bool)
         if self.laws.model.lagrangian is not None:
+
+            def own_momenta(q: Array, v: Array, values: LawValues) -> Array:
+                """The part of p that is of the `lagrangian`, (E, n)."""
+                return self.laws.on_coordinates(self.incidents.t, q, v, values.L_v)
+
             of_sides = []
             for e in (one, other):
-                p = self._own_momenta(e.record.q, e.record.v, e.values)
-                off_p = e.spread(p, self._own_momenta(*e.moved, e.moved_values)) + e.tolerance.atol
+                p = own_momenta(e.record.q, e.record.v, e.values)
+                off_p = e.spread(p, own_momenta(*e.moved, e.moved_values)) + e.tolerance.atol
                 of_sides.append((p, off_p))
             r, mean = one.record, (one.record.v + other.record.v) / 2
-            middle = self._own_momenta(r.q, mean, self.laws.values(r.t, r.q, mean, r.lam))
+            middle = own_momenta(r.q, mean, self.laws.values(r.t, r.q, mean, r.lam))
             (p, off_p), (p_after, off_after) = of_sides
             linear = np.abs(middle - (p + p_after) / 2) <= off_p + off_after
             judged = np.asarray(linear.all(axis=1, keepdims=True))
@@ -262,38 +271,29 @@ class ImpactEvidence:
         note = f"momenta are not linear in the rates at {int((~judged).sum())} of {len(judged)} incidents"
         return dataclasses.replace(check, note=note)
 
-    def _own_momenta(self, q: Array, v: Array, values: LawValues) -> Array:
-        """The part of p that is of the `lagrangian`, (E, n)."""
-        return np.asarray(values.L_v + self.laws.pushed(self.incidents.t, q, v, values.L_u))
-
     @property
     def lost(self) -> float:
         """The energy that all incidents took; what moves with t may have given some."""
-        before, after = (_energy_of_motion(e, e.record, e.values) for e in (self.before, self.after))
+        before, after = (energy_of_motion(e, e.record.v, e.values) for e in (self.before, self.after))
         return float(before[self.incidents.first].sum() - after[self.incidents.last].sum())
 
 
-def _moved(e: Evidence) -> Record:
-    """The record at the states that are each moved by its tolerance."""
-    return dataclasses.replace(e.record, q=e.moved[0], v=e.moved[1], u=e.moved_values.u)
-
-
-def _energy_of_motion(e: Evidence, r: Record, values: LawValues) -> Array:
-    """T (E,) of the particles with q' . dL/dq' - L of the `lagrangian`: the energy less the declared potentials."""
-    T = (e.masses * r.v**2).sum(axis=1) / 2 + (e.masses_x * r.u**2).sum(axis=1) / 2
-    own = (r.v * values.L_v).sum(axis=1) + ((r.u - values.x_t) * values.L_u).sum(axis=1)
-    return np.asarray(T + own - values.L)
+def _with_model(v: Array, values: LawValues) -> Array:
+    """Rates with those of dependent particles by the model."""
+    n = values.pull.shape[1]
+    return np.concatenate([v[:, :n], values.u], axis=1)
 
 
 def _hamiltonian(e: Evidence) -> tuple[Array, Array]:
     """H - V (E,) at the states of a record, and by how much it may be off."""
 
-    def at(r: Record, values: LawValues) -> Array:
-        return np.asarray(_energy_of_motion(e, r, values) - (e.masses_x * r.u * values.x_t).sum(axis=1))
+    def at(v: Array, values: LawValues) -> Array:
+        given = (e.masses[e.n :] * v[:, e.n :] * values.x_t).sum(axis=1)
+        return np.asarray(energy_of_motion(e, v, values) - given)
 
     # The recorded u is what is judged: the limit is made of that of the model alone.
-    own = at(dataclasses.replace(e.record, u=e.values.u), e.values)
-    return at(e.record, e.values), e.spread(own[:, None], at(_moved(e), e.moved_values)[:, None])[:, 0]
+    own, moved = at(_with_model(e.record.v, e.values), e.values), at(e.moved_rates, e.moved_values)
+    return at(e.record.v, e.values), e.spread(own[:, None], moved[:, None])[:, 0]
 
 
 def impact_evidence(e: Evidence) -> ImpactEvidence | None:
@@ -307,7 +307,7 @@ def impacts(e: Evidence) -> list[Check]:
     if impact is None:
         return []
     checks = [impact.recorded(), impact.jumps(), impact.touched(), impact.impacts()]
-    if impact.rows.size or impact.before.record.x.size:
+    if impact.rows.size or impact.before.values.x.size:
         checks.append(impact.kept())
     return [*checks, impact.losses()]
 
@@ -317,9 +317,10 @@ def balance(e: Evidence) -> list[Check]:
     impact, values = e.once(impact_evidence), e.values
     if impact is None or not len(impact.incidents.t):
         return []
-    if any(np.any(part) for part in (values.F_q, values.F_x, values.Q, values.V_t, values.L_t, values.x_t)):
+    if any(np.any(part) for part in (values.F, values.V_t, values.L_t, values.x_t)):
         return []
-    incidents, E = impact.incidents, e.once(checks_motion.energies).E
+    incidents, of_rows = impact.incidents, e.once(checks_motion.energies)
+    E = of_rows.E
     # Nothing but impacts may change T + V: contacts that move may be struck, but never rest
     moves = (values.b != 0).any(axis=0)
     rests = np.asarray(e.once(checks_contact.contact_states).is_closed.any(axis=0))
@@ -328,15 +329,14 @@ def balance(e: Evidence) -> list[Check]:
         return []
     energies = []  # of motion, and by how much they may be off
     for side in (impact.before, impact.after):
-        T = _energy_of_motion(side, side.record, side.values)
-        T_moved = _energy_of_motion(side, _moved(side), side.moved_values)
+        T = energy_of_motion(side, side.record.v, side.values)
+        T_moved = energy_of_motion(side, side.moved_rates, side.moved_values)
         energies.append((T, side.spread(T[:, None], T_moved[:, None])[:, 0].max(initial=0.0)))
     before, after = energies[0][0][incidents.first], energies[1][0][incidents.last]
     t = incidents.t[incidents.first]
     count = np.searchsorted(t, e.record.t, "right")
     total = np.concatenate([[0.0], np.cumsum(after - before)])[count]
-    E_moved = _energy_of_motion(e, _moved(e), e.moved_values) + e.moved_values.V
-    noise = e.spread(E[:, None], E_moved[:, None])[:, 0].max(initial=0.0)
+    noise = e.spread(E[:, None], of_rows.E_moved[:, None])[:, 0].max(initial=0.0)
     of_impacts = max(off for _, off in energies)
     limit = noise * (1 + np.arange(len(E)) / SAFETY) + e.tolerance.atol
     limit = limit + of_impacts * np.where(count > 0, 1 + count / SAFETY, 0.0)
@@ -347,7 +347,6 @@ def balance(e: Evidence) -> list[Check]:
     return [judge(BALANCE, ("the whole system",), e.record.t, apart, limit[:, None], judged[:, None])]
 
 
-def momenta(e: Evidence, q: Array, v: Array, u: Array, values: LawValues) -> Array:
-    """p = dL/dv (E, n) of all coordinates at states of a record."""
-    p = e.laws.pushed(e.record.t, q, v, e.masses_x * u + values.L_u)
-    return np.asarray(e.masses * v + values.L_v + p)
+def momenta(e: Evidence, q: Array, v: Array, values: LawValues) -> Array:
+    """p = dL/dv (E, n) of all coordinates at states of a record, v of all columns."""
+    return e.laws.on_coordinates(e.record.t, q, v, e.masses * v + values.L_v)

@@ -48,7 +48,8 @@ class Window:
 
     def path(self, w: Array) -> Array:
         """dq (T, n): the part of w (n,) that the rows leave free, times c(t)."""
-        return np.asarray(self.bump[:, None] * self.space.virtual(np.broadcast_to(w, self.record.q.shape)))
+        everywhere = np.broadcast_to(w, (len(self.rows), len(w)))
+        return np.asarray(self.bump[:, None] * self.space.virtual(everywhere))
 
     def name(self, w: Array) -> str:
         """The coordinate that moves most."""
@@ -102,24 +103,20 @@ def _judged(law: CheckedLaw, varied: Sequence[tuple[Window, Array, tuple[float, 
 def _variation(window: Window, w: Array) -> tuple[float, float, bool]:
     """The integral, its limit, and whether it can be judged."""
     e, r, rows = window.e, window.record, window.rows
-    V = e.values
     dq = window.path(w)
-    dx = e.laws.displaced(r.t, r.q, r.v, dq)
-    dv, du = (window.grid.derivative(y, np.zeros(1)) for y in (dq, dx))
-    force_q, force_x = V.force_q()[rows], V.L_x[rows] + V.force_x[rows]
-    p_q = e.masses * r.v + V.L_v[rows]
-    p_x = e.masses_x * r.u + V.L_u[rows]
-    terms = [(force_q, dq), (force_x, dx), (p_q, dv.value), (p_x, du.value)]
-    integrand = sum(((a * b).sum(axis=1) for a, b in terms), np.zeros(len(r.t)))
-    size = sum((np.abs(a * b).sum(axis=1) for a, b in terms), np.zeros(len(r.t)))
-    open_ = (np.abs(p_q) * dv.truncation).sum(axis=1) + (np.abs(p_x) * du.truncation).sum(axis=1)
-    blur = (np.abs(p_q) * dv.noise).sum(axis=1) + (np.abs(p_x) * du.noise).sum(axis=1)
-    sums = np.stack([integrand, size, open_, blur], axis=1)
+    dq = np.concatenate([dq, e.laws.displaced(r.t, r.q, r.v, dq)], axis=1)
+    dv = window.grid.derivative(dq, np.zeros(1))
+    force = (e.values.F - e.values.V_q + e.values.L_q)[rows]
+    p = e.masses * r.v + e.values.L_v[rows]
+    terms = np.concatenate([force * dq, p * dv.value], axis=1)
+    open_, blur = ((np.abs(p) * part).sum(axis=1) for part in (dv.truncation, dv.noise))
+    sums = np.stack([terms.sum(axis=1), np.abs(terms).sum(axis=1), open_, blur], axis=1)
+    size = sums[:, 1]
     small = SAFETY * e.tolerance.rtol * float(size.max(initial=0.0)) + e.tolerance.atol
     total = window.grid.integral(sums, np.array([small, np.inf, np.inf, np.inf]))
     scale = float(total.value[-1, 1])
     truncation = float(total.truncation[-1, 0]) + abs(float(total.value[-1, 2]))
-    rounded = (e.force_rounding.q * np.abs(dq)).sum(axis=1) + (e.force_rounding.x * np.abs(dx)).sum(axis=1)
+    rounded = (e.force_rounding[0] * np.abs(dq)).sum(axis=1)
     noise = SAFETY * (e.tolerance.rtol + 1e-15) * scale * float(window.space.condition.max())
     noise += float(rounded.max(initial=0.0)) * float(np.ptp(r.t))
     noise += e.tolerance.atol + float(total.noise[-1, 0]) + abs(float(total.value[-1, 3]))
@@ -132,7 +129,7 @@ def _variation(window: Window, w: Array) -> tuple[float, float, bool]:
 def action(e: Evidence) -> list[Check]:
     """The slope of S(eps) at 0, where all rows are holonomic and all forces have potentials."""
     laws = e.laws
-    if laws.s < laws.C or any(map(np.any, (e.values.F_q, e.values.F_x, e.values.Q))) or laws.index.n > 60:
+    if laws.s < laws.C or np.any(e.values.F) or laws.index.n > 60:
         return []
     varied = [(window, w, _slope(window, w)) for window in e.once(windows)[:1] for w in window.basis[:3]]
     known = [(window, w, answer) for window, w, answer in varied if answer is not None]
@@ -142,14 +139,14 @@ def action(e: Evidence) -> list[Check]:
 def _slope(window: Window, w: Array) -> tuple[float, float, bool] | None:
     """dS/deps by central differences at two steps, its limit, and whether it can be judged; None where f = 0 is not
     reached."""
-    e, r = window.e, window.record
-    extent = max(float(np.ptp(r.q, axis=0).max()), 1e-300)
-    carried = e.laws.pushed(r.t, r.q, r.v, e.masses_x * r.u) if r.x.size else np.zeros(r.q.shape)
+    e, r, n = window.e, window.record, window.e.n
+    extent = max(float(np.ptp(r.q[:, :n], axis=0).max()), 1e-300)
+    carried = e.laws.pushed(r.t, r.q, r.v, (e.masses * r.v)[:, n:])
     slopes, wrong, scale = [], 0.0, 0.0
     for step in (RESOLVED * extent, RESOLVED * extent / 2):
         sides = []
         for sign in (1.0, -1.0):
-            q = r.q + sign * step * window.path(w)
+            q = r.q[:, :n] + sign * step * window.path(w)
             if e.laws.C:  # moved onto f = 0 across the surface
                 size = max(1.0, float(np.abs(q).max()))
                 f = e.laws.residuals(r.t, q, r.v)[0]
@@ -163,7 +160,7 @@ def _slope(window: Window, w: Array) -> tuple[float, float, bool] | None:
                     return None
             v = window.grid.derivative(q, np.zeros(1))
             L = e.laws.total_lagrangian(r.t, q, v.value)
-            p = np.abs(e.masses * v.value + e.values.L_v[window.rows] + carried)
+            p = np.abs(e.masses[:n] * v.value + e.values.L_v[window.rows, :n] + carried)
             open_ = (p * v.truncation).sum(axis=1)
             sums, small = np.stack([L, open_, np.abs(L)], axis=1), 1e-9 * np.abs(L).max()
             total = window.grid.integral(sums, np.array([small, np.inf, np.inf]))
@@ -188,26 +185,24 @@ class Symmetry(NamedTuple):
 def symmetries(e: Evidence) -> list[Symmetry]:
     """Symmetries of L at rows of the record and beside them: cyclic coordinates, and translations and rotations of all
     Cartesian particles."""
-    r, index = e.record, e.laws.index
-    own = index.first_generalized
+    r, own, n, unfelt = e.record, e.own, e.n, list[Symmetry]()
     rows = np.unique(np.linspace(0, len(r.t) - 1, min(SAMPLES, len(r.t))).astype(np.int64))
-    shift = 1e-3 * np.abs(r.q[rows]).max(axis=0, initial=0.0)
-    beside = r.q[rows] + shift * np.random.default_rng(6).standard_normal((len(rows), r.q.shape[1]))
-    still, unfelt = np.zeros(r.q.shape), []
+    whole, still = r.q[:, :n], np.zeros((len(r.t), n))
+    shift = 1e-3 * np.abs(whole[rows]).max(axis=0, initial=0.0)
+    beside = whole[rows] + shift * np.random.default_rng(6).standard_normal((len(rows), n))
 
     def try_(name: str, xi: Array, rate: Array, xi_beside: Array) -> None:
         felt, size = 0.0, 0.0
-        for q, along in ((r.q[rows], xi[rows]), (beside, xi_beside)):
-            L = e.laws.total_lagrangian(
-                r.t[rows] + 0j, q + 1j * TINY * along, r.v[rows] + 1j * TINY * rate[rows]
-            )
+        for q, along in ((whole[rows], xi[rows]), (beside, xi_beside)):
+            v = r.v[rows, :n] + 1j * TINY * rate[rows]
+            L = e.laws.total_lagrangian(r.t[rows] + 0j, q + 1j * TINY * along, v)
             extent = max(float(np.abs(q).max(initial=0.0)), 1e-300)
             felt = max(felt, float(np.abs(L.imag / TINY).max(initial=0.0)))
             size = max(size, float(np.abs(L.real).max() * np.abs(along).max() / extent))
         if felt <= doubles.ZERO * size or felt == 0.0:
             unfelt.append(Symmetry(name, xi, rate))
 
-    for j in range(own, index.n):
+    for j in range(own, n):
         xi = still.copy()
         xi[:, j] = 1.0
         try_(f"cyclic {e.names.q[j]}", xi, still, xi[rows])
@@ -217,7 +212,7 @@ def symmetries(e: Evidence) -> list[Symmetry]:
         try_(f"translation along {name}", xi, still, xi[rows])
     for axis, name in enumerate("xyz" if own else ""):
         second, third, turned = (axis + 1) % 3, (axis + 2) % 3, []
-        for y in (r.q, r.v, beside):  # e_axis x y_k
+        for y in (whole, r.v[:, :n], beside):  # e_axis x y_k
             across = np.zeros(y.shape)
             across[:, second:own:3], across[:, third:own:3] = -y[:, third:own:3], y[:, second:own:3]
             turned.append(across)
@@ -227,26 +222,25 @@ def symmetries(e: Evidence) -> list[Symmetry]:
 
 def momenta(e: Evidence) -> list[Check]:
     """J against the impulse of constraints and other forces, of every symmetry; said of the whole of a run."""
-    r, values, rows = e.record, e.values, len(e.record.t)
-    p = e.masses * r.v + values.L_v + e.pushed(e.masses_x * r.u + values.L_u)
-    p_off = SAFETY * e.masses * e.off_v + e.noise("L_v")
-    p_off = p_off + e.pushed_limit(e.masses_x * e.recorded(np.abs(r.u).max(initial=0.0)) + 0 * r.u)
-    force = values.Q.copy()
-    force[:, : values.F_q.shape[1]] += values.F_q
-    force = force + e.pushed(values.F_x)
-    unknown = e.grid.integral(r.R_q + force, np.full(r.q.shape[1], np.inf)).truncation
+    r, values, rows, n = e.record, e.values, len(e.record.t), e.n
+    R, u = r.R[:, :n], r.v[:, n:]
+    p = e.laws.on_coordinates(r.t, r.q, r.v, e.masses * r.v + values.L_v)
+    p_off = (SAFETY * e.masses * e.off_v + e.noise("L_v"))[:, :n]
+    p_off = p_off + e.pushed_limit(e.masses[n:] * e.recorded(np.abs(u).max(initial=0.0)) + 0 * u)
+    force = e.laws.on_coordinates(r.t, r.q, r.v, values.F)
+    unknown = e.grid.integral(R + force, np.full(n, np.inf)).truncation
     names, residuals, limits, judged, words = [], [], [], [], []
     for symmetry in symmetries(e):
         xi, size_xi = symmetry.xi, np.abs(symmetry.xi)
         J = (p * xi).sum(axis=1)
-        by_rows, by_forces = (r.R_q * xi).sum(axis=1), (force * xi).sum(axis=1)
-        spread = ((np.abs(r.R_q) + np.abs(force)) * size_xi).sum(axis=1)
+        by_rows, by_forces = (R * xi).sum(axis=1), (force * xi).sum(axis=1)
+        spread = ((np.abs(R) + np.abs(force)) * size_xi).sum(axis=1)
         small = SAFETY * e.tolerance.rtol * float(spread.max(initial=0.0)) + e.tolerance.atol
-        rounded = float((e.force_rounding.q * size_xi).sum(axis=1).max(initial=0.0))
+        rounded = float((e.force_rounding[0][:n] * size_xi).sum(axis=1).max(initial=0.0))
         total = e.grid.integral(np.stack([by_rows + by_forces, spread], axis=1), np.array([small, np.inf]))
         # A force that rows do not show may stand where xi is small.
         open_ = total.truncation[:, 0] + (unknown * size_xi.max(axis=0)).sum(axis=1)
-        off = (p_off * size_xi).sum(axis=1) + (np.abs(p) * SAFETY * e.off_q).sum(axis=1)
+        off = (p_off * size_xi).sum(axis=1) + (np.abs(p) * SAFETY * e.off_q[:n]).sum(axis=1)
         limit = off.max(initial=0.0) * (1 + np.arange(rows) / SAFETY)
         limit += e.recorded(total.value[:, 1]) + e.tolerance.atol + total.noise[:, 0]
         limit = with_truncation(limit + rounded * np.abs(r.t - r.t[0]), open_)

@@ -45,56 +45,56 @@ def constraints(e: Evidence) -> list[Check]:
         judge(POSITIONS, e.laws.holonomic, r.t, values.f, e.noise("f") + e.tolerance.atol),
         judge(VELOCITIES, e.laws.rows, r.t, values.w, e.noise("w") + e.tolerance.atol),
     ]
-    if r.x.size:
-        checks.append(judge(DEPENDENT, (*names.x, *names.u), r.t, *dependent(e)))
+    if values.x.size:
+        checks.append(judge(DEPENDENT, (*names.q[e.n :], *names.v[e.n :]), r.t, *dependent(e)))
     return checks
 
 
 def dependent(e: Evidence) -> tuple[Array, Array]:
     """The positions and velocities of dependent particles beside those of the model, with limits, (T, 6 Nd) each."""
-    r, values = e.record, e.values
-    apart = np.concatenate([r.x - values.x, r.u - values.u], axis=1)
-    return apart, np.concatenate([e.noise("x"), e.noise("u")], axis=1) + e.tolerance.atol
+    apart = e.record.q[:, e.n :] - e.values.x, e.record.v[:, e.n :] - e.values.u
+    noise = np.concatenate([e.noise("x"), e.noise("u")], axis=1)
+    return np.concatenate(apart, axis=1), noise + e.tolerance.atol
 
 
 def demand(e: Evidence) -> list[Check]:
     """The demand of the forces on B v + b, without any difference of rows; of models in Cartesian coordinates alone."""
-    laws, rows = e.laws, e.looked_at
+    laws, rows, n = e.laws, e.looked_at, e.n
     r = e.record.part(rows)
     if not laws.C or len(laws.index.coordinates) or laws.model.lagrangian is not None:
         return []
+    a = e.total_force[rows, :n] / e.masses[:n]
 
-    def second(q: Array, v: Array, forces: Array, later: float = 0.0) -> Array:
-        return laws.demanded(r.t + later, q, v, (forces + r.R_q) / e.masses)
+    def second(q: Array, v: Array, later: float = 0.0) -> Array:
+        return laws.demanded(r.t + later, q, v, a)
 
-    forces = (e.values.F_q - e.values.V_q)[rows]
-    rates = second(r.q, r.v, forces)
-    limit = e.spread(rates, second(e.moved[0][rows], e.moved[1][rows], forces)) + e.tolerance.atol
+    rates = second(r.q, r.v)
+    limit = e.spread(rates, second(e.moved[0][rows], e.moved[1][rows])) + e.tolerance.atol
     # What bends at the time itself has the state after it where it is a contact; of an equation it is one in between.
-    sides = np.stack([rates, *(second(r.q, r.v, forces, side * e.clock) for side in (-1, 1))])
+    sides = np.stack([rates, *(second(r.q, r.v, side * e.clock) for side in (-1, 1))])
     bends = np.ptp(np.sign(sides), axis=0) > 1
     least = np.abs(np.nan_to_num(sides, nan=np.inf)).argmin(axis=0)
     nearest = np.take_along_axis(sides, least[None], axis=0)[0]
     rates = np.where(bends & ~np.isin(laws.rows, laws.contacts), 0.0, nearest)
     # F is known to its own noise, R to that of B^T lambda.
-    off = e.force_noise[0][rows] + e.reaction_limit[rows]
-    off = off + e.recorded(np.abs(r.R_q).max(axis=1, initial=0.0))[:, None]
-    limit = limit + np.einsum("mcn,mn->mc", np.abs(e.displacements.B), off / e.masses)
+    off = e.force_noise[rows, :n] + e.reaction_limit[rows]
+    off = off + e.recorded(np.abs(r.R[:, :n]).max(axis=1, initial=0.0))[:, None]
+    limit = limit + np.einsum("mcn,mn->mc", np.abs(e.displacements.B), off / e.masses[:n])
     known = ~np.any(np.isnan(r.lam), axis=1, keepdims=True)
     return [judge(DEMAND, laws.rows, r.t, rates, widest(limit), known)]
 
 
 def reactions(e: Evidence) -> list[Check]:
     """R = B^T lambda, and lambda from R."""
-    r = e.record
+    r, R, names = e.record, e.record.R[:, : e.n], e.names.R[: e.n]
     if not e.laws.C:
-        return [judge(REACTIONS, e.names.R_q, r.t, r.R_q, e.reaction_limit)]
-    apart = r.R_q - e.values.pull
+        return [judge(REACTIONS, names, r.t, R, e.reaction_limit)]
+    apart = R - e.values.pull
     known = np.isfinite(r.lam).all(axis=1)
-    check = judge(REACTIONS, e.names.R_q, r.t[known], apart[known], e.reaction_limit[known])
+    check = judge(REACTIONS, names, r.t[known], apart[known], e.reaction_limit[known])
     # lambda of the rows looked at, where it is unique; one that is no number must have a pole there
     rows, d = e.looked_at, e.displacements
-    expected, spread = d.multipliers(r.R_q[rows], e.reaction_limit[rows])
+    expected, spread = d.multipliers(R[rows], e.reaction_limit[rows])
     lam = r.lam[rows]
     limit = spread + d.condition[:, None] * e.recorded(expected) + e.tolerance.atol
     judged = d.is_unique & ~d.is_singular[:, None]
@@ -104,50 +104,46 @@ def reactions(e: Evidence) -> list[Check]:
     limit = np.where(missing, e.tolerance.atol, limit)
     # A multiplier that is unique nowhere is not compared with R; that it is not is stated in words.
     compared = np.flatnonzero((d.is_unique | missing).any(axis=0) | d.is_singular.all())
-    names = [e.laws.rows[i] for i in compared]
     of_compared = (part[:, compared] for part in (apart, limit, judged))
-    return [check, judge(MULTIPLIERS, names, r.t[rows], *of_compared)]
+    return [check, judge(MULTIPLIERS, [e.laws.rows[i] for i in compared], r.t[rows], *of_compared)]
 
 
 def ideal(e: Evidence) -> list[Check]:
     """Virtual work (D.11) on an orthonormal basis, by the part of R along it, and the real power beside it."""
     rows, d, r = e.looked_at, e.displacements, e.record
-    R = r.R_q[rows]
-    size = np.linalg.norm(R, axis=1)[:, None]
+    R, v, off_v = (y[..., : e.n] for y in (r.R, r.v, e.off_v))
+    size = np.linalg.norm(R[rows], axis=1)[:, None]
     limit = np.linalg.norm(e.reaction_limit[rows], axis=1)[:, None] + 1e-14 * d.condition[:, None] * size
-    checks = [judge(IDEAL, e.names.R_q, r.t[rows], d.virtual(R), limit, ~d.is_singular[:, None])]
+    along = d.virtual(R[rows])
+    checks = [judge(IDEAL, e.names.R[: e.n], r.t[rows], along, limit, ~d.is_singular[:, None])]
     if e.laws.C:
-        real = (r.R_q * r.v).sum(axis=1)
         given = -(r.lam * e.values.b).sum(axis=1)
-        speed = np.abs(r.v)
-        limit = (e.reaction_limit * speed).sum(axis=1) + (np.abs(r.R_q) * SAFETY * e.off_v).sum(axis=1)
+        limit = (e.reaction_limit * np.abs(v)).sum(axis=1) + (np.abs(R) * SAFETY * off_v).sum(axis=1)
         limit += np.nan_to_num(np.abs(r.lam) * (e.noise("b") + e.noise("w"))).sum(axis=1) + e.tolerance.atol
         known = np.isfinite(given)
-        apart = (real - given)[known, None]
+        apart = ((R * v).sum(axis=1) - given)[known, None]
         checks.append(judge(POWER, ("all particles",), r.t[known], apart, limit[known, None]))
     return checks
 
 
 def carried(e: Evidence) -> list[Check]:
     """The virtual work of R of the dependent particles: that of the multipliers and of what acts on q itself."""
-    r, values = e.record, e.values
-    if not r.x.size:
+    r, values, rate, own, n = e.record, e.values, e.momentum_rate, e.own, e.n
+    if not values.x.size:
         return []
-    own = e.laws.index.first_generalized
-    rate, rate_x = e.momentum_rate
-    acting = (-values.V_q + values.Q + values.L_q - rate.value)[:, own:]
-    carriers = e.pushed(r.R_x - values.L_x + rate_x.value)[:, own:]
-    residual = carriers - acting - r.R_q[:, own:]
-    moved = e.laws.pushed(r.t, *e.moved, r.R_x)
+    R = r.R[:, n:]
+    acting = (values.force() - rate.value)[:, own:n]
+    carriers = e.pushed(R - (values.L_q - rate.value)[:, n:])[:, own:]
+    residual = carriers - acting - r.R[:, own:n]
+    moved = e.laws.pushed(r.t, *e.moved, R)
     # R of dependent particles is known to its rounding, and as F is
-    size, noise = np.abs(r.R_x), e.force_noise[1]
-    noise = e.recorded(size + size.max(axis=0, initial=0.0)) + noise
-    limit = e.spread(e.pushed(r.R_x), moved)[:, own:] + e.pushed_limit(noise)[:, own:]
-    limit += (e.noise("V_q") + e.noise("Q") + e.noise("L_q") + rate.noise)[:, own:] + e.tolerance.atol
-    truncation = rate.truncation[:, own:] + np.abs(e.pushed_limit(rate_x.truncation))[:, own:]
-    limit += np.abs(e.pushed_limit(e.noise("L_x") + rate_x.noise))[:, own:]
+    noise = e.recorded(np.abs(R) + np.abs(R).max(axis=0, initial=0.0)) + e.force_noise[:, n:]
+    limit = e.spread(e.pushed(R), moved)[:, own:] + e.pushed_limit(noise)[:, own:]
+    limit += (e.total_noise + rate.noise)[:, own:n] + e.tolerance.atol
+    truncation = rate.truncation[:, own:n] + e.pushed_limit(rate.truncation[:, n:])[:, own:]
+    limit += e.pushed_limit((e.noise("L_q") + rate.noise)[:, n:])[:, own:]
     judged = truncation <= np.maximum(RESOLVED * np.abs(acting).max(axis=0), limit)
-    return [judge(CARRIED, e.names.q[own:], r.t, residual, with_truncation(limit, truncation), judged)]
+    return [judge(CARRIED, e.names.q[own:n], r.t, residual, with_truncation(limit, truncation), judged)]
 
 
 def columns(e: Evidence) -> list[Check]:
@@ -158,17 +154,18 @@ def columns(e: Evidence) -> list[Check]:
     at = {name: k for k, name in enumerate(table.columns)}
     r, model, more = e.record, e.laws.model, 1 + e.tolerance.rtol
     names = [ENERGY, *(name for output in model.outputs for name in output.columns)]
-    recorded_results = _results(e.laws, e.values, r.lam, r.R_q, r.R_x)
-    moved = _results(e.laws, e.moved_values, r.lam * more, r.R_q * more, r.R_x * more)
-    first, known = _evaluated(e.laws, r.t, r.q, r.v, recorded_results)
+    recorded_results = _results(e.laws, e.values, r.lam, r.R)
+    moved = _results(e.laws, e.moved_values, r.lam * more, r.R * more)
+    q, v = r.q[:, : e.n], r.v[:, : e.n]
+    first, known = _evaluated(e.laws, r.t, q, v, recorded_results)
     expected_columns = [np.column_stack([energy.E, first])]
-    q, v = e.moved
     clock = CLOCK * np.abs(r.t).max() + e.tolerance.written.time
     for sign in (1.0, -1.0):  # on both sides, so that what jumps there is seen
         pairs = zip(recorded_results, moved, strict=True)
         lam, R, a = (part + sign * (other - part) for part, other in pairs)
-        there = r.t + sign * clock, r.q + sign * (q - r.q), r.v + sign * (v - r.v), (lam, R, a)
-        expected_columns.append(np.column_stack([energy.E_moved, _evaluated(e.laws, *there)[0]]))
+        q_there, v_there = (y + sign * (other - y) for y, other in zip((q, v), e.moved, strict=True))
+        there, _ = _evaluated(e.laws, r.t + sign * clock, q_there, v_there, (lam, R, a))
+        expected_columns.append(np.column_stack([energy.E_moved, there]))
     retained = [k for k, name in enumerate(names) if name in at]
     expected, *others = (part[:, retained] for part in expected_columns)
     recorded = table.rows[:, [at[names[k]] for k in retained]]
@@ -182,16 +179,14 @@ def columns(e: Evidence) -> list[Check]:
     return [judge(COLUMNS, [names[k] for k in retained], r.t, apart, limit, judged)]
 
 
-def _results(laws: ModelLaws, values: LawValues, lam: Array, R_q: Array, R_x: Array) -> Results:
-    """The results at rows with reactions on coordinates and on dependent particles: a_k = (F_k + R_k)/m_k (D.23)."""
+def _results(laws: ModelLaws, values: LawValues, lam: Array, R: Array) -> Results:
+    """The results at rows with reactions R (T, n + 3 Nd): a_k = (F_k + R_k)/m_k (D.23)."""
     index, own = laws.index, laws.index.first_generalized
-    force = index.together(R_q - values.V_q + values.L_q, R_x - values.V_x)
-    force += index.together(values.F_q, values.F_x)
     with np.errstate(divide="ignore", invalid="ignore"):
-        a = force / np.repeat(index.masses, 3)
+        a = index.components(values.force(R)) / np.repeat(index.masses, 3)
     if np.any(values.L_v[:, :own]):
         a[:, np.repeat(~index.is_dependent, 3)] = np.nan
-    return lam, index.together(R_q, R_x), a
+    return lam, index.components(R), a
 
 
 def _evaluated(laws: ModelLaws, t: Array, q: Array, v: Array, results: Results) -> tuple[Array, list[bool]]:

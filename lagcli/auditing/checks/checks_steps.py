@@ -85,46 +85,39 @@ def quantities(e: Evidence) -> list[Quantity]:
     Where the momentum of particles is m v, accelerations make the bounds of positions. Momenta of generalized
     coordinates are there where no particles depend on them.
     """
-    r, index, own, m_x = e.record, e.laws.index, e.laws.index.first_generalized, e.masses_x
-    coarse, coarse_x = e.once(RowSpacing).is_coarse
-    noise = e.noise("Q") + e.noise("L_q") + e.noise("V_q") + e.reaction_limit
-    noise[:, :own] += e.force_noise[0]
-    F, off_F = e.total_force, noise + e.recorded(r.R_q) + e.tolerance.atol
-    L_v, off_L_v = e.values.L_v, e.noise("L_v")
-    off_q, off_v = (np.broadcast_to(SAFETY * off, r.q.shape) for off in (e.off_q, e.off_v))
-    p, off_p = e.masses * r.v + L_v, e.masses * off_v + off_L_v
-    listed, particles = [], []
-    if own:
-        of_q = tuple(y[:, :own] for y in (r.q, off_q, r.v, off_v, p, off_p, F, off_F))
-        particles.append((e.names.q[:own], e.names.v[:own], e.masses[:own], coarse[:own], of_q))
-    if r.x.size:
-        off_u = e.noise("u")
-        F_x = r.R_x + e.values.force_x
-        off_F_x = e.force_noise[1] + e.recorded(r.R_x)
-        off_F_x = off_F_x + SAFETY * e.tolerance.rtol * np.abs(r.R_x).max(axis=0) + e.tolerance.atol
-        of_x = (r.x, e.noise("x"), r.u, off_u, m_x * r.u, m_x * off_u, F_x, off_F_x)
-        particles.append((e.names.x, e.names.u, m_x, coarse_x, of_x))
-    for name, name_p, m, is_coarse, values in particles:
-        y, off_y, v, off_rate, momentum, off_momentum, force, off_force = values
-        roots = np.sqrt(np.where(m > 0, m, 1.0))
-        is_plain = (m > 0).all() and np.array_equal(momentum, m * v)
-        a = (force / m, off_force / m) if is_plain else (None, None)
-        fastest, largest = (of_particles(np.abs(each).max(axis=0)) for each in (v, force))
-        listed += [
-            Quantity(name, y, v, off_y, off_rate, is_coarse, fastest, roots, *a),
-            Quantity(name_p, momentum, force, off_momentum, off_force, is_coarse, largest, roots),
-        ]
-    if index.n > own:
-        k = slice(own, None)
-        is_coarse, roots = coarse[k] | bool(coarse_x.any()), np.ones(index.n - own)
-        if not r.x.size:
+    r, n, own, width, m = e.record, e.n, e.own, e.record.q.shape[1], e.masses
+    coarse = e.once(RowSpacing).is_coarse
+    off_q, off_v = (np.repeat(SAFETY * off[None], len(r.t), axis=0) for off in (e.off_q, e.off_v))
+    off_q[:, n:], off_v[:, n:] = e.noise("x"), e.noise("u")
+    F, off_F = e.total_force, e.total_noise + e.recorded(r.R) + e.tolerance.atol
+    off_F[:, :n] += e.reaction_limit
+    off_F[:, n:] += SAFETY * e.tolerance.rtol * np.abs(r.R[:, n:]).max(axis=0, initial=0.0)
+    p, off_p = m * r.v, m * off_v
+    p[:, :n] += e.values.L_v[:, :n]
+    off_p[:, :n] += e.noise("L_v")[:, :n]
+    listed = []
+    for k in (np.s_[:own], np.s_[n:width]):
+        if not m[k].size:
+            continue
+        fastest, largest = (of_particles(np.abs(each[:, k]).max(axis=0)) for each in (r.v, F))
+        roots = np.sqrt(m[k])
+        is_plain = np.array_equal(p[:, k], m[k] * r.v[:, k])
+        a = (F[:, k] / m[k], off_F[:, k] / m[k]) if is_plain else (None, None)
+        of_rates = r.v[:, k], off_q[:, k], off_v[:, k], coarse[k], fastest, roots
+        of_forces = F[:, k], off_p[:, k], off_F[:, k], coarse[k], largest, roots
+        listed.append(Quantity(e.names.q[k], r.q[:, k], *of_rates, *a))
+        listed.append(Quantity(e.names.v[k], p[:, k], *of_forces))
+    if n > own:
+        k = np.s_[own:n]
+        is_coarse, roots = coarse[k] | bool(coarse[n:].any()), np.ones(n - own)
+        if n == width:
             step = float(np.median(np.diff(r.t))) if len(r.t) > 1 else np.inf
-            push, size = (np.sqrt((y[:, k] ** 2).mean(axis=0)) for y in (F, L_v))
+            push, size = (np.sqrt((y[:, k] ** 2).mean(axis=0)) for y in (F, p))
             is_coarse = is_coarse | np.any(step * push > size)
-            rates = F[:, k], off_L_v[:, k], off_F[:, k], is_coarse, np.abs(F[:, k]).max(axis=0), roots
-            listed.append(Quantity(e.names.v[k], L_v[:, k], *rates))
-        rates = r.v[:, k], off_q[:, k], off_v[:, k], is_coarse, np.abs(r.v[:, k]).max(axis=0), roots
-        listed.append(Quantity(e.names.q[k], r.q[:, k], *rates))
+            of_forces = F[:, k], off_p[:, k], off_F[:, k], is_coarse, np.abs(F[:, k]).max(axis=0), roots
+            listed.append(Quantity(e.names.v[k], p[:, k], *of_forces))
+        of_rates = r.v[:, k], off_q[:, k], off_v[:, k], is_coarse, np.abs(r.v[:, k]).max(axis=0), roots
+        listed.append(Quantity(e.names.q[k], r.q[:, k], *of_rates))
     return listed
 
 
@@ -132,7 +125,7 @@ def steps(e: Evidence) -> list[Check]:
     """Every step of every quantity. Steps with a push that no row shows are kept in `e.hidden`."""
     grid = TableSteps(e.record.t, e.clock)
     h = grid.h[:, None]
-    rows = np.asarray(e.once(RowSpacing).is_fast.any(axis=1))
+    rows = e.once(RowSpacing).is_fast
     fast = rows[1:] | rows[:-1]
     every_quantity = quantities(e)
     parts = [judged_steps(grid, quantity, fast) for quantity in every_quantity]
@@ -225,8 +218,8 @@ def _hidden_push(e: Evidence, steps: Array, shown: Array) -> Array:
 def _pushes(e: Evidence, steps: Array) -> tuple[Array, Array]:
     """What pushes within steps (K,) beyond what rows show: by forces or by t alone, and by rows that jump, (K,) each;
     divided by the root of the mass, so that reactions to a force are not larger than the force."""
-    r, laws = e.record, e.laws
-    root, root_x = (np.sqrt(np.where(masses > 0, masses, 1.0)) for masses in (e.masses, e.masses_x))
+    r, laws, n = e.record, e.laws, e.n
+    root = np.sqrt(np.where(e.masses > 0, e.masses, 1.0))
 
     def bulge(y: Array) -> Array:
         """The largest distances of values (K, S, k) from the straight line between those at the ends, (K,)."""
@@ -242,17 +235,16 @@ def _pushes(e: Evidence, steps: Array) -> tuple[Array, Array]:
     t, q, v = states
     nothing = np.zeros((len(t), laws.C))
     values = laws.values(t, q, v, nothing)
-    force = np.concatenate([values.force_q() / root, values.force_x / root_x], axis=1)
-    pushes = TWICE * bulge(force.reshape(len(steps), POINTS + 2, -1))
+    pushes = TWICE * bulge((values.force() / root).reshape(len(steps), POINTS + 2, -1))
     # Momenta that t alone brings about, at the positions and velocities of the first rows: in rows, dependent
     # particles and inertia, beyond what the rows around show
-    heaviest = np.sqrt(max(e.masses.max(initial=0.0), e.masses_x.max(initial=0.0)) or 1.0)
+    heaviest = np.sqrt(e.masses.max(initial=0.0) or 1.0)
 
     def momenta(t: Array) -> Array:
         """At times (K, S), (K, S, k)."""
         q, v = (np.repeat(y[steps], t.shape[1], axis=0) for y in (r.q, r.v))
         at = laws.values(t.ravel(), q, v, np.zeros((t.size, laws.C)))
-        parts = [at.L_v / root, at.x_t * np.sqrt(e.masses_x), at.b * heaviest]
+        parts = [at.L_v[:, :n] / root[:n], at.x_t * root[n:], at.b * heaviest]
         return np.concatenate(parts, axis=1).reshape(len(steps), t.shape[1], -1)
 
     h = r.t[steps + 1] - r.t[steps]
@@ -269,8 +261,8 @@ def _pushes(e: Evidence, steps: Array) -> tuple[Array, Array]:
     impulses = np.zeros(len(steps))
     if is_sudden.any():
         B = laws.matrix(r.t[steps], r.q[steps], r.v[steps])
-        jumps = np.where(is_sudden & (largest > SAFETY * np.abs(B) @ e.off_v), largest, 0.0)
-        lengths = np.linalg.norm(B / root, axis=2)
+        jumps = np.where(is_sudden & (largest > SAFETY * np.abs(B) @ e.off_v[:n]), largest, 0.0)
+        lengths = np.linalg.norm(B / root[:n], axis=2)
         struck = np.where(lengths > 0, jumps / np.where(lengths > 0, lengths, 1.0), 0.0)
         impulses = np.asarray(TWICE * struck.sum(axis=1) / h)
     return np.maximum(pushes, drives), impulses

@@ -1,9 +1,8 @@
 """Derivatives of the model's expressions over numpy arrays: a graph of operations, read forwards or backwards.
 
 A value is an array (T, K): T rows of the table, K members of a family or 1; what depends on parameters alone leaves no
-trace on the graph. Leaves are of a kind: `q` coordinates, `v` their rates, `t` time, `x` and `u` positions and
-velocities of dependent particles where these are taken as free. A tiny imaginary part of numbers carries one more
-derivative (the complex step): what is not analytic goes by the real part.
+trace on the graph. Leaves are of a kind: `q` coordinates, `v` their rates, `t` time. A tiny imaginary part of numbers
+carries one more derivative (the complex step): what is not analytic goes by the real part.
 """
 
 from __future__ import annotations
@@ -59,7 +58,7 @@ def value(x: Scalar) -> Array:
 class AutodiffGraph:
     """Operations in the order in which they were carried out, over `data`: the arrays (T, width) of each kind.
 
-    `motion`: the rates of `q`, `x` and `t` along the recorded motion.
+    `motion`: the rates of `q` and `t` along the recorded motion.
     """
 
     def __init__(self, data: Directions, motion: Directions) -> None:
@@ -137,9 +136,8 @@ class AutodiffGraph:
                     _pass(link, low, lower)
             if up is None:
                 continue
-            if node.indices is not None and node.kind in ("v", "u"):
-                place = collected["q" if node.kind == "v" else "x"]
-                scatter(place, node.indices, np.broadcast_to(up, node.value.shape))
+            if node.indices is not None and node.kind == "v":
+                scatter(collected["q"], node.indices, np.broadcast_to(up, node.value.shape))
             for link in node.links:
                 _pass(link, up, lower if node.kind == "rate" else upper)
         return collected

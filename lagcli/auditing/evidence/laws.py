@@ -34,12 +34,11 @@ TINY = 1e-100  # a complex step has no cancellation: so small that its square is
 
 @dataclasses.dataclass(slots=True)
 class LawValues:
-    """The values of a model at T rows.
+    """The values of a model at T rows, along all columns (T, n + 3 Nd) where nothing else is said.
 
     x, u, x_t (T, 3 Nd): positions, velocities and explicit rates of the dependent particles; f (T, s); w = B v + b,
-    b (T, C); pull (T, n) = B^T lambda (D.22). V, V_t (T,); V_q (T, n), V_x (T, 3 Nd). L, L_t (T,); L_q, L_v (T, n);
-    L_x, L_u (T, 3 Nd): of the `lagrangian`. F_q (T, 3 Nc), F_x (T, 3 Nd): forces without a potential on Cartesian and
-    on dependent particles; Q (T, n): declared generalized forces.
+    b (T, C); pull (T, n) = B^T lambda (D.22); V, V_t (T,) and V_q; L, L_t (T,) and L_q, L_v of the `lagrangian`;
+    F: forces without a potential.
     """
 
     x: Array
@@ -52,27 +51,17 @@ class LawValues:
     V: Array
     V_t: Array
     V_q: Array
-    V_x: Array
     L: Array
     L_t: Array
     L_q: Array
     L_v: Array
-    L_x: Array
-    L_u: Array
-    F_q: Array
-    F_x: Array
-    Q: Array
+    F: Array
 
-    @property
-    def force_x(self) -> Array:
-        """F of all forces and potentials declared on the dependent particles, (T, 3 Nd)."""
-        return self.F_x - self.V_x
-
-    def force_q(self, reactions: Array | float = 0.0) -> Array:
-        """`reactions` with all that forces, potentials and the `lagrangian` do on coordinates themselves, (T, n): not
-        what dependent particles hand on, nor -d/dt dL/dv."""
-        force = reactions - self.V_q + self.Q + self.L_q
-        force[:, : self.F_q.shape[1]] += self.F_q
+    def force(self, reactions: Array | float = 0.0) -> Array:
+        """`reactions` with all that forces and potentials do along each column, and the `lagrangian` on coordinates:
+        not what dependent particles hand on, nor -d/dt dL/dv."""
+        force, n = reactions - self.V_q + self.F, self.pull.shape[1]
+        force[:, :n] += self.L_q[:, :n]
         return np.asarray(force)
 
 
@@ -102,7 +91,7 @@ class ModelLaws:
         self._jumps = jumps or {}
 
     def values(self, t: Array, q: Array, v: Array, lam: Array) -> LawValues:
-        """Everything at T rows: t (T,), q and v (T, n), lam (T, C)."""
+        """Everything at T rows: t (T,), q and v (T, n), here and below with further columns or not, lam (T, C)."""
         chunks = [self._values(t[k][:, None], q[k], v[k], lam[k]) for k in self.chunks(len(t))]
         names = [field.name for field in dataclasses.fields(LawValues)]
         return LawValues(**{name: np.concatenate([getattr(part, name) for part in chunks]) for name in names})
@@ -110,8 +99,13 @@ class ModelLaws:
     def pushed(self, t: Array, q: Array, v: Array, F: Array) -> Array:
         """sum_k F_k . dr_k/dq_j over the dependent particles (D.30): F (T, 3 Nd) to (T, n)."""
         if not self.index.dependent.size:
-            return np.zeros(q.shape)
+            return np.zeros((len(q), self.index.n))
         return self._by_chunks(t, q, v, lambda true, k: _onto_coordinates(true, F[k]))
+
+    def on_coordinates(self, t: Array, q: Array, v: Array, y: Array) -> Array:
+        """y (T, n + 3 Nd) on coordinates themselves and through the dependent particles, (T, n)."""
+        n = self.index.n
+        return np.asarray(y[:, :n] + self.pushed(t, q, v, y[:, n:]))
 
     def displaced(self, t: Array, q: Array, v: Array, dq: Array) -> Array:
         """dr_k = sum_j dr_k/dq_j dq_j of the dependent particles (D.28): (T, n) to (T, 3 Nd)."""
@@ -122,17 +116,17 @@ class ModelLaws:
 
     def _by_chunks(self, t: Array, q: Array, v: Array, make: Callable[[ModelOnTable, slice], Array]) -> Array:
         """The results at all rows of what is made at parts of them."""
-        tables = ((ModelOnTable(self.index, t[k][:, None], q[k], v[k]), k) for k in self.chunks(len(t)))
+        tables = ((self._true(t[k][:, None], q[k], v[k]), k) for k in self.chunks(len(t)))
         return np.concatenate([make(true, k) for true, k in tables])
 
     def matrix(self, t: Array, q: Array, v: Array) -> Array:
         """B (T, C, n) at few rows: rows that share no coordinate are differentiated together."""
+        n = self.index.n
         if not self.C:
-            return np.zeros((len(t), 0, q.shape[1]))
+            return np.zeros((len(t), 0, n))
         # The coordinates that stand in a row: whatever a rate that is no number spoils
         if self._pattern is None:
-            n = q.shape[1]
-            moving = np.tile(v[:1], (n, 1))
+            moving = np.tile(v[:1, :n], (n, 1))
             np.fill_diagonal(moving, np.nan)
             self._pattern = np.isnan(self.residuals(np.repeat(t[:1], n), np.tile(q[:1], (n, 1)), moving)[1]).T
         pattern = self._pattern
@@ -143,7 +137,7 @@ class ModelLaws:
             if (group := next(free_of_it, None)) is None:
                 groups.append(group := [])
             group.append(i)
-        B = np.zeros((len(t), self.C, q.shape[1]))
+        B = np.zeros((len(t), self.C, n))
         true, free = self._on_tables(t[:, None], q, v)
         rows = self._rows(free)
         for group in groups:
@@ -161,16 +155,13 @@ class ModelLaws:
 
     def demanded(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """d/dt (B v + b) (T, C) along accelerations a (T, n), of coordinates alone, by a complex step."""
-        step = 1j * TINY
+        step, q, v = 1j * TINY, q[:, : self.index.n], v[:, : self.index.n]
         return np.asarray(self.residuals(t + step, q + step * v, v + step * a)[1].imag / TINY)
 
     def total_lagrangian(self, t: Array, q: Array, v: Array) -> Array:
         """L = T - V + `lagrangian` (T,) of the whole system (D.36); the numbers may be complex."""
-        free, index = self.free(t, q, v), self.index
-        own = index.first_generalized
-        total = (index.masses_q[:own] * v[:, :own] ** 2 / 2).sum(axis=1)
-        if index.dependent.size:
-            total = total + (index.masses_x * free.data["u"] ** 2 / 2).sum(axis=1)
+        free = self.free(t, q, v)
+        total = (self.index.masses_along * free.data["v"] ** 2 / 2).sum(axis=1)
         for part, count in self._potentials(free):
             total = total - free.wide(part, count).sum(axis=1)
         for part in self._lagrangian(free):
@@ -184,8 +175,7 @@ class ModelLaws:
 
     def parts_of_reactions(self, on_table: ModelOnTable, lam: Array) -> Array:
         """lambda_i B_ik on every particle, as far as the rows name it, (T, 3 N); on_table: as of `free`."""
-        onto = _reactions(on_table, self._rows(on_table), lam)
-        return self.index.together(onto["q"], onto.get("x", onto["q"][:, :0]))
+        return self.index.components(_reactions(on_table, self._rows(on_table), lam))
 
     def free(self, t: Array, q: Array, v: Array) -> ModelOnTable:
         """The model on rows t (T,), q and v (T, n), in which positions of dependent particles are numbers."""
@@ -198,31 +188,32 @@ class ModelLaws:
 
     def _on_tables(self, t: Array, q: Array, v: Array) -> tuple[ModelOnTable, ModelOnTable]:
         """The true one, and the one in which dependent particles are leaves."""
-        true = ModelOnTable(self.index, t, q, v)
-        dependent = self.index.dependent
-        if not dependent.size:
+        true = self._true(t, q, v)
+        if not self.index.dependent.size:
             return true, true
-        parts = true.position(dependent)
+        parts = true.position(self.index.dependent)
         x = _interleaved(true, parts, value)
         u = _interleaved(true, parts, lambda part: _moved(true, part))
-        return true, ModelOnTable(self.index, t, q, v, (x, u))
+        whole = (np.concatenate(pair, axis=1) for pair in ((true.data["q"], x), (true.data["v"], u)))
+        return true, ModelOnTable(self.index, t, *whole)
+
+    def _true(self, t: Array, q: Array, v: Array) -> ModelOnTable:
+        return ModelOnTable(self.index, t, q[:, : self.index.n], v[:, : self.index.n])
 
     def _rows(self, on_table: ModelOnTable) -> tuple[RowValues, RowValues]:
         return model_values.build(on_table, self._bodies, self._closed)
 
     def _values(self, t: Array, q: Array, v: Array, lam: Array) -> LawValues:
         true, free = self._on_tables(t, q, v)
-        dependent = self.index.dependent
-        nothing = np.zeros((len(q), 0))
-        x, u, x_t = nothing, nothing, nothing
-        if dependent.size:
-            x, u = free.data["x"], free.data["u"]
-            x_t = _changed(true, true.position(dependent), {"t": np.ones_like(t)})
+        index, n = self.index, self.index.n
+        whole, x_t = free.data["q"], np.zeros((len(q), 0))
+        if index.dependent.size:
+            x_t = _changed(true, true.position(index.dependent), {"t": np.ones_like(t)})
         rows = self._rows(free)
         f, w = self._residuals(free, rows)
-        b = nothing
+        b = np.zeros((len(q), 0))
         if self.C:  # what is left of B v + b where nothing moves but time
-            rest = ModelOnTable(self.index, t, q, np.zeros_like(v), (x, x_t) if x.shape[1] else None)
+            rest = ModelOnTable(index, t, whole, np.concatenate([np.zeros((len(q), n)), x_t], axis=1))
             b = self._residuals(rest, self._rows(rest))[1]
         potentials = list(self._potentials(free))
         V = np.asarray(sum((free.wide(p, c).sum(axis=1) for p, c in potentials), np.zeros(len(q))))
@@ -231,26 +222,21 @@ class ModelLaws:
         L = sum((free.wide(p, 1)[:, 0] for p in extra), np.zeros(len(q)))
         pull_of_L = free.graph.gradient([(p, np.ones((1, 1))) for p in extra])
         # Forces without a potential on particles and on coordinates
-        index = self.index
-        F, Q = np.zeros((free.rows, len(index.particles), 3)), np.zeros((free.rows, index.n))
+        F = np.zeros(whole.shape)
         for targets, parts, _ in self._on_particles(free, constant=False):
             for axis, part in enumerate(parts):
-                scatter(F[:, :, axis], targets, free.wide(part, targets.size))
+                scatter(F, index.columns[targets, axis], free.wide(part, targets.size))
         for force in self.model.forces:
             if isinstance(force, nouns.GeneralizedForce) and force.action.targets.size:
                 action = force.action
                 algebra = free.algebra(action.variables(force.members))
                 pushes = free.wide(evaluate.scalar(force.force.tree, algebra), action.targets.size)
-                scatter(Q, index.first_generalized + action.targets, pushes)
-        kinds = dependent.size > 0
+                scatter(F, index.first_generalized + action.targets, pushes)
         return LawValues(
-            x=x, u=u, x_t=x_t, f=f, w=w, b=b,
+            x=whole[:, n:], u=free.data["v"][:, n:], x_t=x_t, f=f, w=w, b=b,
             pull=self._pull(true, free, rows, lam),
-            V=V, V_t=slope["t"][:, 0], V_q=slope["q"], V_x=slope["x"] if kinds else nothing,
-            L=L, L_t=pull_of_L["t"][:, 0], L_q=pull_of_L["q"], L_v=pull_of_L["v"],
-            L_x=pull_of_L["x"] if kinds else nothing, L_u=pull_of_L["u"] if kinds else nothing,
-            F_q=F[:, index.cartesian].reshape(free.rows, index.first_generalized),
-            F_x=F[:, dependent].reshape(free.rows, 3 * dependent.size), Q=Q,
+            V=V, V_t=slope["t"][:, 0], V_q=slope["q"],
+            L=L, L_t=pull_of_L["t"][:, 0], L_q=pull_of_L["q"], L_v=pull_of_L["v"], F=F,
         )  # fmt: skip
 
     def _residuals(self, on_table: ModelOnTable, rows: tuple[RowValues, RowValues]) -> tuple[Array, Array]:
@@ -268,8 +254,8 @@ class ModelLaws:
     def _pull(
         self, true: ModelOnTable, free: ModelOnTable, rows: tuple[RowValues, RowValues], lam: Array
     ) -> Array:
-        by_leaf = _reactions(free, rows, lam)
-        return by_leaf["q"] if true is free else by_leaf["q"] + _onto_coordinates(true, by_leaf["x"])
+        along, n = _reactions(free, rows, lam), self.index.n
+        return along if true is free else along[:, :n] + _onto_coordinates(true, along[:, n:])
 
     def _potentials(self, on_table: ModelOnTable) -> Iterator[tuple[Scalar, int]]:
         """V in parts with the number of members to sum over: declared ones, and -F . r of constant forces."""
@@ -303,10 +289,10 @@ class ModelLaws:
             yield targets, on_table.vector(force.force, algebra), algebra
 
 
-def _reactions(on_table: ModelOnTable, rows: tuple[RowValues, RowValues], lam: Array) -> dict[str, Array]:
-    """sum_i lambda_i B_i by the leaves of a scene."""
+def _reactions(on_table: ModelOnTable, rows: tuple[RowValues, RowValues], lam: Array) -> Array:
+    """sum_i lambda_i B_i along the columns of a scene."""
     surfaces, laws = ([(x, lam[:, indices]) for x, indices in each] for each in rows)
-    return on_table.graph.gradient(surfaces, laws)
+    return on_table.graph.gradient(surfaces, laws)["q"]
 
 
 def _onto_coordinates(true: ModelOnTable, F: Array) -> Array:

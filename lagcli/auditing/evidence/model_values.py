@@ -37,7 +37,8 @@ RowValues = list[tuple[Scalar, Integers]]
 
 
 class ModelIndex:
-    """The numbering of a model: particles and coordinates by number, their indices among the coordinates, masses."""
+    """The numbering of a model: particles and coordinates by number, and what moves in columns: the n coordinates,
+    those of Cartesian particles first, and after them the positions of the Nd dependent particles."""
 
     def __init__(self, model: nouns.Model) -> None:
         self.model = model
@@ -46,30 +47,24 @@ class ModelIndex:
         counts = [p.members.count for p in model.particles]
         self.is_dependent = np.repeat(np.array([p.is_dependent for p in model.particles], dtype=bool), counts)
         self.cartesian, self.dependent = np.flatnonzero(~self.is_dependent), np.flatnonzero(self.is_dependent)
-        # The index of a particle among those of its kind.
-        own = np.where(self.is_dependent, np.cumsum(self.is_dependent), np.cumsum(~self.is_dependent))
-        self.rank = own - 1
         self.first_generalized = 3 * self.cartesian.size
         self.n = self.first_generalized + len(self.coordinates)
+        self.width = self.n + 3 * self.dependent.size
+        # The columns of x, y, z of each particle, (N, 3)
+        self.columns: Integers = np.zeros((self.is_dependent.size, 3), dtype=np.int64)
+        self.columns[self.cartesian] = np.arange(self.first_generalized).reshape(-1, 3)
+        self.columns[self.dependent] = np.arange(self.n, self.width).reshape(-1, 3)
         self.masses: Array = np.concatenate(
             [np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)]
         )
-        of_cartesian, self.masses_x = (
-            np.repeat(self.masses[each], 3) for each in (self.cartesian, self.dependent)
-        )
-        self.masses_q = np.concatenate(
-            [of_cartesian, np.zeros(len(self.coordinates))]
-        )  # along each coordinate
+        self.masses_along: Array = np.zeros(self.width)  # each column
+        self.masses_along[self.columns] = self.masses[:, None]
         self.constants: dict[str, float | nouns.Vector3] = {"dt": 1.0, **model.constants}
         self.constants |= {p.name: p.value for p in model.parameters}
 
-    def together(self, of_q: Array, of_x: Array) -> Array:
-        """Components (T, 3 N) of all particles from those on coordinates (T, 3 Nc or more) and on dependent ones."""
-        components = np.zeros((len(of_q), 3 * len(self.particles)))
-        for numbers, part in ((self.cartesian, of_q), (self.dependent, of_x)):
-            places = (3 * numbers[:, None] + np.arange(3)).ravel()
-            components[:, places] = part[:, : places.size]
-        return components
+    def components(self, y: Array) -> Array:
+        """The components (T, 3 N) of all particles, in their order, of what is known of each column."""
+        return np.asarray(y[:, self.columns.ravel()])
 
 
 def start(model: nouns.Model) -> tuple[float, Array, Array]:
@@ -82,23 +77,14 @@ def start(model: nouns.Model) -> tuple[float, Array, Array]:
 
 
 class ModelOnTable:
-    """The model over rows of a table: t (T, 1), q and v (T, n).
+    """The model over rows of a table: t (T, 1), q and v (T, n): dependent particles are evaluated from their
+    expressions. With q and v of all columns, (T, n + 3 Nd), these are free, leaves as the coordinates are."""
 
-    free: positions and velocities (T, 3 Nd) of the dependent particles, which are then leaves of their own; else
-    they are evaluated from their expressions.
-    """
-
-    def __init__(
-        self, index: ModelIndex, t: Array, q: Array, v: Array, free: tuple[Array, Array] | None = None
-    ) -> None:
+    def __init__(self, index: ModelIndex, t: Array, q: Array, v: Array) -> None:
         self.index, self.rows = index, q.shape[0]
-        data: dict[str, Array] = {"t": t, "q": q, "v": v}
-        motion: dict[str, Array] = {"t": np.ones_like(t), "q": v}
-        if free is not None:
-            data |= {"x": free[0], "u": free[1]}
-            motion["x"] = free[1]
-        self.graph = AutodiffGraph(data, motion)
-        self._free = free is not None
+        self.graph = AutodiffGraph({"t": t, "q": q, "v": v}, {"t": np.ones_like(t), "q": v})
+        is_free = q.shape[1] > index.n
+        # Of each particle the batch in which it was evaluated, and its number there; -1 of leaves
         self._positions: dict[int, tuple[Triple, Integers]] = {}
         self._batch: Integers = np.full(len(index.particles), -1, dtype=np.int64)
         self._row: Integers = np.zeros(len(index.particles), dtype=np.int64)
@@ -109,7 +95,7 @@ class ModelOnTable:
                 self.definition(step)
                 continue
             particle = index.model.particles[step.entry]
-            if self._free or not particle.is_dependent:
+            if is_free or not particle.is_dependent:
                 continue
             numbers = step.member_numbers + index.particles.first(step.entry)
             algebra = self.algebra(particle.members.taken(step.member_numbers))
@@ -172,23 +158,13 @@ class ModelOnTable:
 
     def _vector(self, numbers: Integers, rates: bool) -> Triple:
         """r or v of particles: leaves, or what was evaluated in one of several batches, put together."""
-        index = self.index
-        dependent = index.is_dependent[numbers]
-        if not dependent.any() or (self._free and dependent.all()):
-            kind = ("v" if rates else "q") if not dependent.any() else ("u" if rates else "x")
-            first = 3 * index.rank[numbers]
-            a, b, c = (self.graph.leaf(kind, first + axis) for axis in range(3))
-            return a, b, c
-        groups = np.where(dependent, -2 if self._free else self._batch[numbers], -1)
-        if np.unique(groups).size == 1:
-            return self._evaluated(int(groups[0]), numbers, rates)
-        members = [np.flatnonzero(groups == group) for group in np.unique(groups)]
-        vectors = []
-        for own in members:
-            if (group := int(groups[own[0]])) < 0:
-                vectors.append(self._vector(numbers[own], rates))
-            else:
-                vectors.append(self._evaluated(group, numbers[own], rates))
+        batches = self._batch[numbers]
+        kinds = np.unique(batches).tolist() or [-1]
+        members = [np.flatnonzero(batches == batch) for batch in kinds]
+        pairs = zip(kinds, members, strict=True)
+        vectors = [self._of_batch(batch, numbers[own], rates) for batch, own in pairs]
+        if len(vectors) == 1:
+            return vectors[0]
         # Put together in the order asked for
         order = np.argsort(np.concatenate(members), kind="stable")
         components: list[Scalar] = []
@@ -204,7 +180,11 @@ class ModelOnTable:
         x, y, z = components
         return x, y, z
 
-    def _evaluated(self, batch: int, numbers: Integers, rates: bool) -> Triple:
+    def _of_batch(self, batch: int, numbers: Integers, rates: bool) -> Triple:
+        if batch < 0:
+            columns = self.index.columns[numbers]
+            a, b, c = (self.graph.leaf("v" if rates else "q", columns[:, axis]) for axis in range(3))
+            return a, b, c
         triple, members = self._positions[batch]
         rows = self._row[numbers]
         is_whole = rows.size == members.size and bool((rows == np.arange(rows.size)).all())

@@ -43,18 +43,14 @@ class AuditedTable:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Record:
-    """t (T,); q and v (T, n); x and u (T, 3 Nd) of the dependent particles; lam (T, C); R_q (T, n) on the coordinates
-    and R_x (T, 3 Nd) on the dependent particles. side (T,): -1 of the row before an instant at which there are several,
-    1 of others there, 0 elsewhere."""
+    """t (T,); q, v and R (T, n + 3 Nd) of the coordinates and, after them, of the dependent particles; lam (T, C).
+    side (T,): -1 of the row before an instant at which there are several, 1 of others there, 0 elsewhere."""
 
     t: Array
     q: Array
     v: Array
-    x: Array
-    u: Array
     lam: Array
-    R_q: Array
-    R_x: Array
+    R: Array
     side: Array
 
     def part(self, rows: Array) -> Record:
@@ -114,31 +110,28 @@ class TableNames:
 
     q: tuple[str, ...]
     v: tuple[str, ...]
-    x: tuple[str, ...]
-    u: tuple[str, ...]
     lam: tuple[str, ...]
-    R_q: tuple[str, ...]
-    R_x: tuple[str, ...]
+    R: tuple[str, ...]
 
 
 def names(laws: ModelLaws) -> TableNames:
     """The columns that the audit of a model needs."""
     model, index = laws.model, laws.index
-    cartesian = [index.particles.names[k] for k in index.cartesian]
-    dependent = [index.particles.names[k] for k in index.dependent]
     generalized = model.generalized_names
 
-    def vector_names(of: Sequence[str], head: str = "", word: str = "") -> tuple[str, ...]:
-        return tuple(f"{head}{name}.{word}{axis}" for name in of for axis in "xyz")
+    def columns(word: str, others: Sequence[str]) -> tuple[str, ...]:
+        of_cartesian, of_dependent = (
+            [f"{index.particles.names[k]}.{word}{axis}" for k in numbers for axis in "xyz"]
+            for numbers in (index.cartesian, index.dependent)
+        )
+        return (*of_cartesian, *others, *of_dependent)
 
+    q = columns("", generalized)
     return TableNames(
-        q=(*vector_names(cartesian), *generalized),
-        v=(*vector_names(cartesian, word="v"), *(f"rate({name})" for name in generalized)),
-        x=vector_names(dependent),
-        u=vector_names(dependent, word="v"),
+        q=q,
+        v=columns("v", [f"rate({name})" for name in generalized]),
         lam=tuple(f"lambda.{row}" for row in laws.rows),
-        R_q=(*vector_names(cartesian, "R."), *(f"R.{name}" for name in generalized)),
-        R_x=vector_names(dependent, "R."),
+        R=tuple(f"R.{name}" for name in q),
     )
 
 
@@ -194,8 +187,7 @@ def incidents(laws: ModelLaws, table: EventTable) -> Incidents:
     parts = names(laws)
     at = {name: k for k, name in enumerate(table.columns)}
     impulses = tuple(IMPULSE + name.removeprefix("lambda.") for name in parts.lam)
-    needed = ("t", *impulses, *parts.q, *parts.x)
-    needed += tuple(head + name for head in (BEFORE, AFTER) for name in (*parts.v, *parts.u))
+    needed = ("t", *impulses, *parts.q, *(head + name for head in (BEFORE, AFTER) for name in parts.v))
     missing = [name for name in needed if name not in at]
     if missing:
         raise TableError(f"the table of events lacks the column `{missing[0]}`")
@@ -209,10 +201,8 @@ def incidents(laws: ModelLaws, table: EventTable) -> Incidents:
         return table.rows[:, [at[name] for name in columns]]
 
     def state(head: str) -> Record:
-        q, x = taken(parts.q), taken(parts.x)
-        v, u = (taken([head + name for name in part]) for part in (parts.v, parts.u))
-        t, zeros = table.rows[:, at["t"]], (np.zeros(q.shape), np.zeros(x.shape), np.zeros(len(q)))
-        return Record(t, q, v, x, u, taken(impulses), *zeros)
+        q, v = taken(parts.q), taken([head + name for name in parts.v])
+        return Record(table.rows[:, at["t"]], q, v, taken(impulses), np.zeros(q.shape), np.zeros(len(q)))
 
     if not np.isfinite(taken(needed)).all():
         raise TableError("the table of events has entries that are no finite numbers")

@@ -58,16 +58,6 @@ class WholeRun:
     of_incidents: Tolerance
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class ForceRounding:
-    """The rounding of forces that balance each other: on coordinates q (n,), on dependent particles x (3 Nd,), and of
-    the accelerations a (n,) that follow. Of a body at rest it is all there is of its motion."""
-
-    q: Array
-    x: Array
-    a: Array
-
-
 class Evidence:
     """The record of a run beside what the model says at its rows. All numbers of the record are finite but lambda.
 
@@ -91,7 +81,9 @@ class Evidence:
         # A row before an instant is on that side of what jumps there.
         self._t = record.t + 2 * rounding * record.side
         self.values: LawValues = laws.values(self._t, record.q, record.v, record.lam)
-        self.masses, self.masses_x = laws.index.masses_q, laws.index.masses_x
+        self.masses: Array = laws.index.masses_along
+        # How many columns are coordinates, and how many of them are of Cartesian particles
+        self.n, self.own = laws.index.n, laws.index.first_generalized
         self.hidden = np.zeros(max(0, len(record.t) - 1), dtype=bool)  # steps with a push that no row shows
         self._random = np.random.default_rng(6)
         self._made: dict[object, object] = {}
@@ -114,77 +106,81 @@ class Evidence:
 
     @functools.cached_property
     def off_q(self) -> Array:
-        """By how much the coordinates may be off, (n,)."""
-        apart = float(np.abs(np.diff(self._whole.t)).max(initial=0.0))
-        return self._off(self._whole.q, self._whole.x) + self.force_rounding.a * apart * apart
+        """By how much the positions may be off, (n + 3 Nd,)."""
+        return self._off(self._whole.q, 2)
 
     @functools.cached_property
     def off_v(self) -> Array:
-        """By how much their rates may be off, (n,)."""
+        """By how much their rates may be off, (n + 3 Nd,)."""
+        return self._off(self._whole.v, 1)
+
+    def _off(self, y: Array, times: int) -> Array:
+        """rtol |y| + atol, and what rounded accelerations make in a step, integrated so many times. The components of
+        particles have one size in common, each other coordinate its own."""
         apart = float(np.abs(np.diff(self._whole.t)).max(initial=0.0))
-        return self._off(self._whole.v, self._whole.u) + self.force_rounding.a * apart
+        size = np.abs(y).max(axis=0)
+        size[self.n :] = size[self.n :].max(initial=0.0)
+        size[: self.own] = max(size[: self.own].max(initial=0.0), size[self.n :].max(initial=0.0))
+        off = self.tolerance.rtol * size + self.tolerance.atol
+        off[: self.n] += self.force_rounding[1] * apart**times
+        return np.asarray(off)
 
     @functools.cached_property
-    def force_rounding(self) -> ForceRounding:
-        """The rounding of forces that balance each other.
+    def force_rounding(self) -> tuple[Array, Array]:
+        """The rounding of forces that balance each other, (n + 3 Nd,), and of the accelerations (n,) that follow: of a
+        body at rest it is all there is of its motion.
 
         A tolerance follows the size of the motion, and of one that is none it is nothing, but forces that cancel push
         by a part of themselves.
         """
-        laws, record, values = self.laws, self.record, self.values
-        index, own = laws.index, laws.index.first_generalized
+        laws, record, values, n = self.laws, self.record, self.values, self.n
         if not len(record.t):
-            return ForceRounding(*(np.zeros(part.shape[1]) for part in (record.q, record.x, record.q)))
+            return np.zeros(record.q.shape[1]), np.zeros(n)
         rows = np.unique(np.linspace(0, len(record.t) - 1, min(SAMPLES, len(record.t))).astype(np.int64))
         random = np.random.default_rng(6)
         part = record.part(rows)
-        moved = part.q * (1 + FURTHER * doubles.SUM * random.choice((-1.0, 1.0), size=part.q.shape))
+        q = part.q[:, :n]
+        moved = q * (1 + FURTHER * doubles.SUM * random.choice((-1.0, 1.0), size=q.shape))
         there = laws.values(part.t, moved, part.v, part.lam)
 
         def largest(y: Array) -> Array:
             return np.asarray(np.abs(np.nan_to_num(y)).max(axis=0, initial=0.0))
 
-        q = doubles.SUM * largest(record.R_q)
-        for name in ("V_q", "Q", "L_q", "pull"):
-            whole, shifted = getattr(values, name), getattr(there, name)
-            q = q + doubles.SUM * largest(whole) + largest(shifted - whole[rows])
-        q[:own] += doubles.SUM * largest(values.F_q) + largest(there.F_q - values.F_q[rows])
-        x = doubles.SUM * (largest(record.R_x) + largest(values.V_x)) + largest(there.V_x - values.V_x[rows])
-        x = x + (doubles.SUM * largest(values.F_x) + largest(there.F_x - values.F_x[rows]))
+        F = doubles.SUM * largest(record.R)
+        for name, width in (("V_q", None), ("L_q", n), ("pull", n), ("F", None)):
+            whole, shifted = (getattr(at, name)[:, :width] for at in (values, there))
+            F[:width] += doubles.SUM * largest(whole) + largest(shifted - whole[rows])
         # The diagonal of the mass matrix at the first row
-        n, M, M_x = index.n, index.masses_q.copy(), index.masses_x
+        M = self.masses.copy()
         t, still, lam = (np.repeat(y[:1], n + 1, axis=0) for y in (part.t, part.q, part.lam))
         unit = np.vstack([np.eye(n), np.zeros((1, n))])
         if laws.model.lagrangian is not None:
             L_v = laws.values(t, still, unit, lam).L_v
-            M += np.abs(np.diagonal(L_v[:n] - L_v[n]))
-        if index.dependent.size:
-            M += (M_x * laws.displaced(t, still, 0 * unit, unit)[:n] ** 2).sum(axis=1)
+            M[:n] += np.abs(np.diagonal(L_v[:n, :n] - L_v[n, :n]))
+        if laws.index.dependent.size:
+            M[:n] += (self.masses[n:] * laws.displaced(t, still, 0 * unit, unit)[:n] ** 2).sum(axis=1)
 
         def ratio(y: Array, by: Array) -> Array:
             """y/by, and 0 where `by` is."""
             return np.asarray(np.divide(y, by, out=np.zeros_like(y), where=by > 0))
 
         # Multipliers are solved for together: what pushes one coordinate is rounded in all, as far as it moves them.
-        common = max((ratio(y, np.sqrt(m)).max(initial=0.0) for y, m in ((q, M), (x, M_x))), default=0.0)
-        q, x = np.maximum(q, common * np.sqrt(M)), np.maximum(x, common * np.sqrt(M_x))
-        return ForceRounding(q, x, ratio(q, M))
-
-    def _off(self, y: Array, beside: Array) -> Array:
-        """rtol |y| + atol; the components of particles have one size in common, each other coordinate its own."""
-        size = np.abs(y).max(axis=0)
-        first = self.laws.index.first_generalized
-        size[:first] = max(size[:first].max(initial=0.0), np.abs(beside).max(initial=0.0))
-        return np.asarray(self.tolerance.rtol * size + self.tolerance.atol)
+        F = np.maximum(F, ratio(F, np.sqrt(M)).max(initial=0.0) * np.sqrt(M))
+        return F, ratio(F, M)[:n]
 
     @functools.cached_property
     def moved(self) -> tuple[Array, Array]:
         """The states (T, n) each moved by its tolerance."""
-        q, v = self.record.q, self.record.v
+        q, v = self.record.q[:, : self.n], self.record.v[:, : self.n]
         # Of unlike sizes, so that they do not cancel in a difference.
         signs = self._random.choice((-1.0, 1.0), size=(2, *q.shape))
         parts = signs * self._random.uniform(0.5, 1.0, (2, *q.shape))
-        return q + parts[0] * self.off_q, v + parts[1] * self.off_v
+        return q + parts[0] * self.off_q[: self.n], v + parts[1] * self.off_v[: self.n]
+
+    @property
+    def moved_rates(self) -> Array:
+        """The rates there, with those of dependent particles by the model, (T, n + 3 Nd)."""
+        return np.concatenate([self.moved[1], self.moved_values.u], axis=1)
 
     @functools.cached_property
     def moved_values(self) -> LawValues:
@@ -205,7 +201,7 @@ class Evidence:
         """The noise of one of the `Values`, of its own shape, time first."""
         noise = self.spread(getattr(self.values, name), getattr(self.moved_values, name))
         if self.tolerance.written.is_short and name in ("x", "u"):  # recorded, beside what the model says
-            noise = noise + self.recorded(getattr(self.record, name))
+            noise = noise + self.recorded((self.record.q if name == "x" else self.record.v)[:, self.n :])
         return noise
 
     def spread(self, one: Array, moved: Array) -> Array:
@@ -220,27 +216,27 @@ class Evidence:
         return np.asarray((SAFETY * found + doubles.SUM * size).reshape(one.shape))
 
     @functools.cached_property
-    def momentum_rate(self) -> tuple[Estimate, Estimate]:
-        """d/dt of dL/dv (T, n) and of dL/du (T, 3 Nd) of the `lagrangian`."""
-        of_q = self.grid.derivative(self.values.L_v, self.noise("L_v"))
-        return of_q, self.grid.derivative(self.values.L_u, self.noise("L_u"))
-
-    @property
-    def off_x(self) -> Array:
-        """By how much velocities of dependent particles may be off."""
-        size = np.abs(self._whole.u).max(initial=0.0)
-        return np.asarray(self.tolerance.rtol * size + self.tolerance.atol)
+    def momentum_rate(self) -> Estimate:
+        """d/dt of dL/dv of the `lagrangian`."""
+        return self.grid.derivative(self.values.L_v, self.noise("L_v"))
 
     @property
     def total_force(self) -> Array:
-        """F + R on the coordinates, without what dependent particles carry, (T, n)."""
-        return self.values.force_q(self.record.R_q)
+        """F + R, of coordinates without what dependent particles carry, (T, n + 3 Nd)."""
+        return self.values.force(self.record.R)
 
     @functools.cached_property
-    def force_noise(self) -> tuple[Array, Array]:
-        """The noise of the forces on Cartesian particles (T, 3 Nc) and on dependent ones (T, 3 Nd)."""
-        of_q = self.noise("F_q") + self.noise("V_q")[:, : self.laws.index.first_generalized]
-        return of_q, self.noise("F_x") + self.noise("V_x")
+    def force_noise(self) -> Array:
+        """The noise of forces and potentials, (T, n + 3 Nd)."""
+        return np.asarray(self.noise("F") + self.noise("V_q"))
+
+    @property
+    def total_noise(self) -> Array:
+        """The noise of F, of coordinates with that of the `lagrangian`, (T, n + 3 Nd)."""
+        noise = self.force_noise.copy()
+        noise[:, : self.n] += self.noise("L_q")[:, : self.n]
+        noise[:, : self.own] += self.noise("V_q")[:, : self.own]
+        return noise
 
     @functools.cached_property
     def looked_at(self) -> Array:
@@ -251,14 +247,14 @@ class Evidence:
             return np.arange(T)
         rows = np.unique(np.linspace(0, T - 1, most).astype(np.int64))
         open_ = np.flatnonzero(np.isnan(self.record.lam).any(axis=1))[:most]
-        apart = np.abs(self.record.R_q - self.values.pull) / self._reaction_noise
+        apart = np.abs(self.record.R[:, : self.n] - self.values.pull) / self._reaction_noise
         doubtful = np.argsort(-np.nan_to_num(apart.max(axis=1)))[: max(4, most // 8)]
         return np.unique(np.concatenate([rows, open_, doubtful]))
 
     @functools.cached_property
     def _reaction_noise(self) -> Array:
         """The noise of B^T lambda against R in a regular configuration, (T, n)."""
-        R = np.abs(self.record.R_q)
+        R = np.abs(self.record.R[:, : self.n])
         noise = self.noise("pull") + doubles.SUM * (R + R.max(initial=0.0)) + self.tolerance.atol
         return np.asarray(noise + (self.recorded(R) if self.tolerance.written.is_short else 0.0))
 
@@ -272,9 +268,8 @@ class Evidence:
         factor[self.looked_at] = np.clip(worse, 1.0, WORSE)
         noise = self._reaction_noise
         near = (factor > 2)[:, None]
-        own = self.laws.index.first_generalized
         shared = noise.copy()
-        shared[:, :own] = np.maximum(noise[:, :own], noise[:, :own].max(axis=1, initial=0.0)[:, None])
+        shared[:, : self.own] = noise[:, : self.own].max(axis=1, initial=0.0)[:, None]
         return np.asarray(np.where(near, shared * factor[:, None], noise))
 
     @functools.cached_property
@@ -287,7 +282,7 @@ class Evidence:
     def virtual_work(self) -> float:
         """The largest part of R along virtual displacements, at the regular rows that are looked at."""
         d = self.displacements
-        along = np.abs(d.virtual(self.record.R_q[self.looked_at]))[~d.is_singular]
+        along = np.abs(d.virtual(self.record.R[self.looked_at, : self.n]))[~d.is_singular]
         return float(along.max(initial=0.0))
 
     def pushed(self, F: Array) -> Array:
@@ -297,7 +292,7 @@ class Evidence:
     def pushed_limit(self, limit: Array) -> Array:
         """Limits pushed alike: with random signs, of which the largest counts."""
         if not limit.size:
-            return np.zeros(self.record.q.shape)
+            return np.zeros((len(limit), self.n))
         finite = np.where(np.isfinite(limit), limit, 0.0)
         signs = (self._random.choice((-1.0, 1.0), size=limit.shape) for _ in range(3))
         draws = [np.abs(self.pushed(finite * each)) for each in signs]
