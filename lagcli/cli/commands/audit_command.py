@@ -6,8 +6,6 @@ import os
 import textwrap
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from lagcli.cli.commands import options
 from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
@@ -28,9 +26,7 @@ def audit(
     plot: Annotated[str | None, options.file("figure of the checks: png, svg, pdf")] = None,
     *,
     run_settings: RunSettings,
-    digits: Annotated[
-        bool, typer.Option("--digits", help="how many digits of the table are right, from the run repeated")
-    ] = False,
+    digits: Annotated[bool, "how many digits of the table are right, from the run repeated"] = False,
     changes: options.SetOption = None,
     as_json: options.JsonOption = False,
     quiet: options.QuietOption = False,

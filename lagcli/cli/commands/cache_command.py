@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
-
 from lagcli.cli.commands import options
 
 
 @options.command()
 def cache(
-    clear: Annotated[bool, typer.Option("--clear", help="delete what is kept")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="JSON on standard output")] = False,
+    clear: Annotated[bool, "delete what is kept"] = False,
+    as_json: Annotated[bool, "JSON on standard output"] = False,
 ) -> None:
     """Print the folder in which native code is kept for later runs, its size and its age, or empty it.
 

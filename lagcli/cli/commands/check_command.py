@@ -8,8 +8,6 @@ import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from lagcli import progress
 from lagcli.cli.commands import completing, options
 from lagcli.cli.terminal import console, exits
@@ -36,7 +34,7 @@ def check(
     ],
     changes: options.SetOption = None,
     as_json: options.JsonOption = False,
-    strict: Annotated[bool, typer.Option("--strict", help="exit 1 on warnings")] = False,
+    strict: Annotated[bool, "exit 1 on warnings"] = False,
     assemble: options.AssembleOption = False,
     limit: options.LimitOption = settings.LIMIT,
     witness: Annotated[

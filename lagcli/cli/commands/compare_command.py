@@ -30,9 +30,7 @@ def compare(
         float | None,
         typer.Option(help="largest difference that passes, as a part of the largest value (1e-8)"),
     ] = None,
-    vakonomic: Annotated[
-        bool, typer.Option("--vakonomic", help="also the motion of the other principle, with multipliers μ")
-    ] = False,
+    vakonomic: Annotated[bool, "also the motion of the other principle, with multipliers μ"] = False,
     mu: Annotated[
         list[str] | None,
         options.named(

@@ -25,13 +25,8 @@ def derive(
     form: Annotated[
         str, typer.Option("--format", metavar="FORMAT", help="text, latex, markdown, html or json")
     ] = "text",
-    fragment: Annotated[
-        bool,
-        typer.Option("--fragment", help="with --format latex: the equations alone, aligned, for a paper"),
-    ] = False,
-    solve: Annotated[
-        bool, typer.Option("--solve", help="lambda and accelerations in closed form, up to four rows")
-    ] = False,
+    fragment: Annotated[bool, "with --format latex: the equations alone, aligned, for a paper"] = False,
+    solve: Annotated[bool, "lambda and accelerations in closed form, up to four rows"] = False,
     everything: Annotated[
         bool, typer.Option("--all", help="every member of families and every term of sums")
     ] = False,
@@ -41,7 +36,7 @@ def derive(
     ] = "",
     limit: options.LimitOption = settings.LIMIT,
     changes: options.SetOption = None,
-    as_json: Annotated[bool, typer.Option("--json", help="as --format json")] = False,
+    as_json: Annotated[bool, "as --format json"] = False,
     quiet: options.QuietOption = False,
     verbose: options.VerboseOption = False,
 ) -> None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from lagcli.cli.commands import options
 from lagcli.cli.terminal import exits
 from lagcli.model import settings
@@ -20,7 +18,7 @@ def dof(
     model: options.ModelArgument,
     changes: options.SetOption = None,
     as_json: options.JsonOption = False,
-    explain: Annotated[bool, typer.Option("--explain", help="show the count line by line")] = False,
+    explain: Annotated[bool, "show the count line by line"] = False,
     limit: options.LimitOption = settings.LIMIT,
     quiet: options.QuietOption = False,
     verbose: options.VerboseOption = False,

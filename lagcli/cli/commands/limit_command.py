@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from lagcli.cli.commands import completing, options
 from lagcli.cli.terminal import console, exits
 from lagcli.model.settings import RunSettings
@@ -24,9 +22,7 @@ def limit(
     stiffness: Annotated[
         str | None, options.named("LOW:HIGH", "stiffnesses, two a decade (1e3:1e5); LOW:HIGH:COUNT")
     ] = None,
-    unprestressed: Annotated[
-        bool, typer.Option("--unprestressed", help="start without stretch, not on the slow motion")
-    ] = False,
+    unprestressed: Annotated[bool, "start without stretch, not on the slow motion"] = False,
     ramp: Annotated[
         float | None, options.named("SECONDS", "one run in which k rises over all of them")
     ] = None,

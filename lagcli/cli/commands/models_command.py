@@ -6,8 +6,6 @@ import os
 import textwrap
 from typing import Annotated
 
-import typer
-
 from lagcli.cli.commands import completing, new_command, options
 from lagcli.cli.terminal import console, exits
 from lagcli.errors import diagnostics
@@ -26,7 +24,7 @@ def models(
     output: Annotated[str | None, options.output("copy it to this file, or into this folder")] = None,
     force: options.ForceOption = False,
     no_schema: options.NoSchemaOption = False,
-    as_json: Annotated[bool, typer.Option("--json", help="JSON on standard output")] = False,
+    as_json: Annotated[bool, "JSON on standard output"] = False,
     quiet: options.QuietOption = False,
 ) -> None:
     """List the models of the gallery by subject, print one, or copy it with -o."""

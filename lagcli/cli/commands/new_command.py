@@ -9,8 +9,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from lagcli.cli.commands import completing, options
 from lagcli.cli.terminal import exits
 from lagcli.errors import diagnostics
@@ -39,9 +37,7 @@ def new(
     ] = None,
     force: options.ForceOption = False,
     no_schema: options.NoSchemaOption = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="what was written, as JSON on standard output")
-    ] = False,
+    as_json: Annotated[bool, "what was written, as JSON on standard output"] = False,
     quiet: options.QuietOption = False,
 ) -> None:
     """Write a model with comments, to change into one's own.

@@ -41,7 +41,8 @@ def command(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., Non
     """Make a command of a function: it has --debug, and always ends in `SystemExit` with its exit code.
 
     Where the function takes `run_settings` the command has an option for each setting of a run, but for those left out;
-    one that is not given is None, and as the model says.
+    one that is not given is None, and as the model says. A bool that is annotated with a text is a flag of its name
+    with this help.
     """
 
     def with_options(function: Callable[..., None]) -> Callable[..., None]:
@@ -49,16 +50,19 @@ def command(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., Non
         rows = {
             name: row for name, row in settings.table().items() if row[1].is_option and name not in left_out
         }
+        debug = inspect.Parameter("debug", inspect.Parameter.KEYWORD_ONLY, default=False)
         parameters: list[inspect.Parameter] = []
-        for parameter in inspect.signature(function).parameters.values():
-            if parameter.name == "run_settings":
-                parameters += [_option(name, *row) for name, row in rows.items()]
-            else:
-                parameters.append(parameter.replace(annotation=hints[parameter.name]))
-        debugging = Annotated[bool, typer.Option("--debug", help="a traceback where lagcli itself fails")]
-        parameters.append(
-            inspect.Parameter("debug", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=debugging)
-        )
+        for parameter in (*inspect.signature(function).parameters.values(), debug):
+            name = parameter.name
+            if name == "run_settings":
+                parameters += [_option(setting, *row) for setting, row in rows.items()]
+                continue
+            hint = hints.get(name, Annotated[bool, "a traceback where lagcli itself fails"])
+            kind, *told = typing.get_args(hint) or (None,)
+            if kind is bool and isinstance(told[0], str):
+                flag = f"--{name.removeprefix('as_').replace('_', '-')}"
+                hint = Annotated[bool, typer.Option(flag, help=told[0])]
+            parameters.append(parameter.replace(annotation=hint))
 
         @functools.wraps(function)
         def called(*, debug: bool, **given: object) -> None:
@@ -132,14 +136,12 @@ SetOption = Annotated[
         autocompletion=completing.settings,
     ),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="JSON on standard output, errors too")]
+JsonOption = Annotated[bool, "JSON on standard output, errors too"]
 LimitOption = Annotated[
     float,
     typer.Option("--limit", metavar="SECONDS", min=0.0, callback=_seconds, help="processor time for proofs"),
 ]
-AssembleOption = Annotated[
-    bool, typer.Option("--assemble", help=settings.table()["assemble"][1].meaning)
-]  # of commands that make no run
+AssembleOption = Annotated[bool, settings.table()["assemble"][1].meaning]  # of commands that make no run
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="only errors on standard error")]
 VerboseOption = Annotated[bool, typer.Option("-v", "--verbose", help="more on standard error")]
 PointsOption = Annotated[str | None, output(f"the points: {formats.LISTED}; -")]
@@ -149,13 +151,9 @@ FromOption = Annotated[
     str | None,
     typer.Option("--from", metavar="FILE[:ROW]", help="start from a row of a table; by default the last"),
 ]
-ForceOption = Annotated[bool, typer.Option("--force", help="write over a file that is there")]
-NoSchemaOption = Annotated[
-    bool, typer.Option("--no-schema", help="no schema for editors beside it, and no line that names it")
-]
-WatchOption = Annotated[
-    bool, typer.Option("--watch", help="run again at each change of the file, until Ctrl-C")
-]
+ForceOption = Annotated[bool, "write over a file that is there"]
+NoSchemaOption = Annotated[bool, "no schema for editors beside it, and no line that names it"]
+WatchOption = Annotated[bool, "run again at each change of the file, until Ctrl-C"]
 
 
 def missing(path: str) -> exits.UsageError:

@@ -6,8 +6,6 @@ import os
 import sys
 from typing import TYPE_CHECKING, Annotated, BinaryIO
 
-import typer
-
 from lagcli.cli.commands import completing, options
 from lagcli.cli.terminal import console, exits
 from lagcli.model.settings import RunSettings
@@ -44,12 +42,10 @@ def plot(
         options.named("X,Y", "a path with one scale, such as a.x,a.z; repeatable", completing.columns),
     ] = None,
     events: Annotated[str | None, options.file("mark the events of `simulate --events`")] = None,
-    log: Annotated[bool, typer.Option("--log", help="sizes on a logarithmic scale")] = False,
+    log: Annotated[bool, "sizes on a logarithmic scale"] = False,
     title: Annotated[str | None, options.named("TEXT", "in place of the model's")] = None,
     output: Annotated[str | None, options.output("the figure: png, svg, pdf")] = None,
-    show: Annotated[
-        bool, typer.Option("--show", help="draw in the terminal, which is usual without -o")
-    ] = False,
+    show: Annotated[bool, "draw in the terminal, which is usual without -o"] = False,
     *,
     run_settings: RunSettings,
     begin: options.FromOption = None,

@@ -22,9 +22,7 @@ def report(
     title: Annotated[str | None, typer.Option(help="title of the page; by default the model's")] = None,
     *,
     run_settings: RunSettings,
-    digits: Annotated[
-        bool, typer.Option("--digits", help="how many digits are right, from the run repeated")
-    ] = False,
+    digits: Annotated[bool, "how many digits are right, from the run repeated"] = False,
     pdf: Annotated[
         str | None,
         options.named(

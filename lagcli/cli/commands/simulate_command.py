@@ -5,8 +5,6 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from lagcli.cli.commands import completing, options
 from lagcli.cli.terminal import console, exits
 from lagcli.model import settings
@@ -32,22 +30,15 @@ def simulate(
     events: Annotated[
         str | None, options.file("table of impacts, contacts, releases and events; - for stdout")
     ] = None,
-    event_rows: Annotated[
-        bool, typer.Option("--event-rows", help="two more rows at each of these instants, before and after")
-    ] = False,
+    event_rows: Annotated[bool, "two more rows at each of these instants, before and after"] = False,
     stats: Annotated[str | None, options.file("the account of the run as JSON")] = None,
     checkpoint: Annotated[str | None, options.file("keep the state of the run, for --resume")] = None,
     resume: Annotated[str | None, options.file("go on from a checkpoint of the same run")] = None,
     begin: options.FromOption = None,
-    digits: Annotated[
-        bool,
-        typer.Option("--digits", help="columns err.*: the error of r, v, lambda and R, from a second run"),
-    ] = False,
+    digits: Annotated[bool, "columns err.*: the error of r, v, lambda and R, from a second run"] = False,
     limit: options.LimitOption = settings.LIMIT,
     changes: options.SetOption = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="errors, and the account if stdout is free, as JSON on stdout")
-    ] = False,
+    as_json: Annotated[bool, "errors, and the account if stdout is free, as JSON on stdout"] = False,
     quiet: options.QuietOption = False,
     verbose: options.VerboseOption = False,
 ) -> None:

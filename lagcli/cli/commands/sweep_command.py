@@ -48,16 +48,12 @@ def sweep(
         str | None, options.named("ADDRESS", "a Dask cluster instead, tcp://HOST:PORT")
     ] = None,
     shard: Annotated[str | None, options.named("I/N", "the I-th of N parts of the points")] = None,
-    merge: Annotated[
-        bool, typer.Option("--merge", help="the arguments are tables of shards: put them together")
-    ] = False,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="go on from the rows of an ended sweep into FILE")
-    ] = False,
+    merge: Annotated[bool, "the arguments are tables of shards: put them together"] = False,
+    resume: Annotated[bool, "go on from the rows of an ended sweep into FILE"] = False,
     limit_each: Annotated[
         float | None, typer.Option(metavar="SECONDS", min=0.0, help="a point that takes longer is ended")
     ] = None,
-    yes: Annotated[bool, typer.Option("--yes", help="also for more than ten million points")] = False,
+    yes: Annotated[bool, "also for more than ten million points"] = False,
     *,
     run_settings: RunSettings,
     limit: options.LimitOption = settings.LIMIT,
