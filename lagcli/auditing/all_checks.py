@@ -100,7 +100,7 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
     entries = np.where(np.isfinite(np.concatenate([values for _, values in parts], axis=1)), 0.0, np.nan)
     of_entries = [name for part, _ in parts for name in part]
     checks = [judge(NUMBERS, of_entries, record.t, entries, np.ones((1, 1)))]
-    judged, written = _Judged([], (), (), ()), [table_input.ALL, table_input.ALL]
+    judged, written = _Judged([], [], []), [table_input.ALL, table_input.ALL]
     short = written
 
     def judge_by(digits: list[WrittenDigits]) -> _Judged:
@@ -135,7 +135,7 @@ def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: 
         rtol=tolerance.rtol,
         atol=tolerance.atol,
         checks=(*checks, *judged.checks),
-        sentences=judged.sentences,
+        sentences=tuple(judged.sentences),
         notes=(*notes, *judged.notes, *_elsewhere(model, record, tolerance)),
         figures=judged.figures,
         written=written[0] if written[0].is_short else None,
@@ -156,12 +156,13 @@ def wanted(model: nouns.Model, columns: Sequence[str]) -> tuple[str, ...]:
 
 
 class _Judged(NamedTuple):
-    """The findings by one tolerance."""
+    """Findings by one tolerance; virtual_work: the largest of R."""
 
     checks: list[Check]
-    sentences: tuple[str, ...]
-    figures: Figures
-    notes: tuple[str, ...]
+    sentences: list[str]
+    notes: list[str]
+    virtual_work: float = 0.0
+    figures: Figures = ()
 
     @property
     def fail_everywhere(self) -> bool:
@@ -176,10 +177,10 @@ class _Judged(NamedTuple):
 def _judged(e: Evidence) -> _Judged:
     """All checks of a run but those of the numbers themselves; of one with contacts or jumps by its parts."""
     is_one_sided = e.laws.model.inequality or np.any(np.diff(e.record.t) == 0)
-    parts, checks = _by_parts(e) if is_one_sided else None, list[Check]()
-    of_parts = parts.checks if parts is not None else []
+    parts = _by_parts(e) if is_one_sided else _Judged([], _uniqueness(e), [], e.virtual_work)
+    checks, of_parts = list[Check](), parts.checks
     for findings, runs in CHECKS:
-        if parts is None:
+        if not is_one_sided:
             checks += findings(e) if runs != "one-sided" else ()
         elif runs in ("all", "one-sided"):
             checks += findings(e)
@@ -187,25 +188,20 @@ def _judged(e: Evidence) -> _Judged:
             checks += of_parts
             of_parts = []
     energies = e.once(checks_motion.energies)
-
-    def known(column: int) -> float:
-        """An integral over a smooth run; no number where rows are too far apart to know three digits of it."""
-        work = energies.work
-        is_known = parts is None and work.truncation[-1, column] <= RESOLVED * work.value[-1, 2]
-        return float(work.value[-1, column]) if is_known else np.nan
-
+    # Integrals over a smooth run, where rows are close enough to know three digits
+    work, known = energies.work, [np.nan, np.nan]
+    if not is_one_sided:
+        is_known = work.truncation[-1] <= RESOLVED * work.value[-1, 2]
+        known = [float(work.value[-1, column]) if is_known[column] else np.nan for column in (1, 0)]
     figures: Figures = (
-        ("virtual_work", e.virtual_work if parts is None else parts.virtual_work),
-        ("work_of_constraints", known(1)),
-        ("work_of_all_that_changes_the_energy", known(0)),
+        ("virtual_work", parts.virtual_work),
+        ("work_of_constraints", known[0]),
+        ("work_of_all_that_changes_the_energy", known[1]),
         ("energy_gained", float(energies.E[-1] - energies.E[0])),
     )
-    if parts is None:
-        return _Judged(checks, _uniqueness(e), figures, ())
-    impact = e.once(checks_impact.impact_evidence)
-    if impact is not None:
+    if is_one_sided and (impact := e.once(checks_impact.impact_evidence)) is not None:
         figures = (*figures, ("energy_lost_in_impacts", impact.lost))
-    return _Judged(checks, parts.sentences, figures, parts.notes)
+    return parts._replace(checks=checks, figures=figures)
 
 
 def _elsewhere(model: nouns.Model, record: Record, tolerance: Tolerance) -> list[str]:
@@ -225,17 +221,7 @@ def _elsewhere(model: nouns.Model, record: Record, tolerance: Tolerance) -> list
     ]
 
 
-class _Parts(NamedTuple):
-    """The checks of rows and of stretches of a run with contacts; what is determined while some are closed, the largest
-    virtual work of R, and the steps that no difference looks at."""
-
-    checks: list[Check]
-    sentences: tuple[str, ...]
-    virtual_work: float
-    notes: tuple[str, ...]
-
-
-def _by_parts(e: Evidence) -> _Parts:
+def _by_parts(e: Evidence) -> _Judged:
     """A record taken apart; e: of laws with all inequalities closed."""
     states = e.once(checks_contact.contact_states)
     closed, t, incidents = states.is_closed, e.record.t, e.run.incidents if e.run else None
@@ -308,7 +294,7 @@ def _by_parts(e: Evidence) -> _Parts:
             f"{cuts} of {steps} steps between rows hold incidents; {unseen} stand in stretches too short for"
         )
         note += " differences, or between them"
-    return _Parts([*of_rows, *along], tuple(sentences), virtual_work, (note,) if note else ())
+    return _Judged([*of_rows, *along], sentences, [note] if note else [], virtual_work)
 
 
 def _merged_by_name(parts: list[tuple[int, list[Check]]], skipped: int) -> list[Check]:
@@ -322,13 +308,13 @@ def _merged_by_name(parts: list[tuple[int, list[Check]]], skipped: int) -> list[
     return [merged(checks, skipped * at_a_row[name]) for name, checks in by_name.items()]
 
 
-def _uniqueness(e: Evidence) -> tuple[str, ...]:
+def _uniqueness(e: Evidence) -> list[str]:
     """Existence and uniqueness: rank, condition, consistency, and which multipliers are determined."""
     laws, d = e.laws, e.displacements
     times = e.record.t[e.looked_at]
     n = laws.index.n
     if not laws.C:
-        return (f"there are no rows: all {n} coordinates are free, R = 0, and the motion is unique",)
+        return [f"there are no rows: all {n} coordinates are free, R = 0, and the motion is unique"]
     rows = f"the {laws.C} rows are independent; they leave"
     if d.usual < laws.C:
         rows = f"the {laws.C} rows have rank {d.usual}: {laws.C - d.usual} too many; they leave"
@@ -368,4 +354,4 @@ def _uniqueness(e: Evidence) -> tuple[str, ...]:
             "all multipliers are determined, lambda(0) too: they follow from (B M^-1 B^T) lambda = gamma - B M^-1 F"
             " at every instant"
         )
-    return tuple(sentences)
+    return sentences

@@ -275,26 +275,20 @@ class _FreeMotion:
         return np.asarray(np.abs(self.accelerations(dataclasses.replace(r, q=q, v=v)) - a))
 
 
+def _powers(u: float) -> Array:
+    """The powers of u up to the fifth, their slopes and their curvatures, (3, 6)."""
+    k = np.arange(6)
+    return np.stack([u**k, k * u ** np.maximum(k - 1, 0), k * (k - 1) * u ** np.maximum(k - 2, 0)])
+
+
+# Coefficients of the quintic curve of Hermite that begins at 0, by its rate and curvature there and by those and its
+# value at 1, (6, 5)
+CURVE = np.linalg.inv(np.concatenate([_powers(0.0), _powers(1.0)]))[:, 1:]
+
+
 def _between(begin: Record, end: Record, ends: tuple[Array, Array], u: float) -> Record:
     """The states at the part u of the way, on the quintic curve."""
     h = (end.t - begin.t)[:, None]
-    (v, w), (a, b) = (h * begin.v, h * end.v), (h * h * ends[0], h * h * ends[1])
-    rise = end.q - begin.q
-    s, p, r = u**2, u**3, u**4
-    x = 10 * p - 15 * r + 6 * u * r
-    q = (
-        begin.q
-        + rise * x
-        + v * (u - 6 * p + 8 * r - 3 * u * r)
-        + w * (-4 * p + 7 * r - 3 * u * r)
-        + a * (s - 3 * p + 3 * r - u * r) / 2
-        + b * (p - 2 * r + u * r) / 2
-    )
-    rate = (
-        rise * (30 * s - 60 * p + 30 * r)
-        + v * (1 - 18 * s + 32 * p - 15 * r)
-        + w * (-12 * s + 28 * p - 15 * r)
-        + a * (2 * u - 9 * s + 12 * p - 5 * r) / 2
-        + b * (3 * s - 8 * p + 5 * r) / 2
-    )
-    return dataclasses.replace(begin, t=begin.t + u * (end.t - begin.t), q=q, v=rate / h)
+    given = h * begin.v, h * h * ends[0], end.q - begin.q, h * end.v, h * h * ends[1]
+    rise, rate = np.einsum("wg,gpn->wpn", _powers(u)[:2] @ CURVE, np.stack(given))
+    return dataclasses.replace(begin, t=begin.t + u * (end.t - begin.t), q=begin.q + rise, v=rate / h)
