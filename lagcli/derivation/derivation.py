@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import dataclasses
 from collections.abc import Iterable, Iterator
 
@@ -115,22 +116,15 @@ def _derived(built: System, options: Options) -> Derivation:
 
 def _cut(lines: list[Line]) -> Iterator[Line]:
     """The lines, of each family the first ones and the last, with what was left out; of long sums some terms too."""
-    groups: dict[tuple[str, str], list[int]] = {}
-    for index, line in enumerate(lines):
-        if line.family:
-            groups.setdefault((line.kind, line.family), []).append(index)
-    left_out: dict[int, str] = {}
-    dropped = set[int]()
-    for indices in groups.values():
-        if len(indices) > SHOWN + 3:
-            gone = indices[SHOWN:-1]
-            left_out[gone[0]] = f"… {len(gone)} lines like these left out; --all shows them"
-            dropped.update(gone)
-    for index, line in enumerate(lines):
-        if index in left_out:
-            yield Line(note=left_out[index])
-        if index not in dropped:
+    counts = collections.Counter((line.kind, line.family) for line in lines if line.family)
+    seen = collections.Counter[tuple[str, str]]()
+    for line in lines:
+        group = line.kind, line.family
+        seen[group] += 1
+        if counts[group] <= SHOWN + 3 or not SHOWN < seen[group] < counts[group]:
             yield dataclasses.replace(line, sides=tuple(map(_shortened, line.sides)))
+        elif seen[group] == SHOWN + 1:
+            yield Line(note=f"… {counts[group] - SHOWN - 1} lines like these left out; --all shows them")
 
 
 def _shortened(node: f.FormulaNode) -> f.FormulaNode:

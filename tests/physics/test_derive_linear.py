@@ -84,7 +84,7 @@ def numbers(text: str) -> dict[str, np.ndarray]:
     dense = {}
     for name, shape in shapes.items():
         dense[name] = np.zeros(shape)
-        for place, value in getattr(found, name).items():
+        for place, value in found[name].items():
             dense[name][place] = float(system.table.calculus.expanded(value).subs(put))
     return dense
 

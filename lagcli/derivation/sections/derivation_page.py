@@ -189,10 +189,8 @@ class Derivation:
         system, plain = self.system.all_closed, self.system.table.calculus.expanded
         equations = []
         for i in range(len(system.q)):
-            left = sum((system.matrix(i, j) * a for j, a in enumerate(system.a)), sympy.Integer(0))
-            pairs = zip(system.rows, system.lam, strict=True)
-            pulls = sum((row.B[i] * lam for row, lam in pairs if i in row.B), sympy.Integer(0))
-            equations.append(sympy.Eq(plain(left), plain(system.h[i] + pulls), evaluate=False))
+            left, right = system.inertial(i, system.a), system.h[i] + system.pull(i, system.lam)
+            equations.append(sympy.Eq(plain(left), plain(right), evaluate=False))
         return tuple(equations)
 
     def constraints(self) -> tuple[sympy.Eq, ...]:

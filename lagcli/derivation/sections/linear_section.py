@@ -24,6 +24,8 @@ from lagcli.pfaffian.forms.notation import TIME, ZERO, exact
 
 Kind = Literal["equilibrium", "steady", "general"]
 Entries = dict[tuple[int, int], sympy.Expr]
+Matrices = dict[str, Entries]
+"""The entries that are not zero: M, C, K by coordinates, B and D (of differential rows) by row and coordinate."""
 # Coordinates, operations of one entry and of all entries that are written out.
 MOST, LONGEST, LONGEST_IN_ALL = 30, 120, 600
 # Operations that are differentiated, and those of all derivatives that are made shorter.
@@ -62,17 +64,6 @@ class LinearPoint:
     reason: str = ""
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class Matrices:
-    """The entries that are not zero: M, C, K by coordinates, B and D (of differential rows) by row and coordinate."""
-
-    M: Entries
-    C: Entries
-    K: Entries
-    B: Entries
-    D: Entries
-
-
 def lines(whole: Symbolic, signs: Signs, point: LinearPoint) -> Iterator[Line]:
     """The linear equations coordinate by coordinate and row by row, then the values at the start of what is in them;
     or why they are not written."""
@@ -93,15 +84,14 @@ def lines(whole: Symbolic, signs: Signs, point: LinearPoint) -> Iterator[Line]:
         yield Line(note=f"Contacts that press count as rows: {names}.")
     elif whole.contacts.rows:
         yield Line(note="No contact counts as a row: they are open.")
-    if not (linear.C or linear.K or linear.B or linear.D):
+    if not any(linear[letter] for letter in "CKBD"):
         yield Line(note="C and K are zero, and there are no rows: M δq̈ = 0, deviations drift.")
         return
     yield from _equations(system, signs, linear)
     if point.kind == "general":
         return
     # The values at the start of letters that are in the equations
-    parts = (linear.M, linear.C, linear.K, linear.B, linear.D)
-    present = {symbol for part in parts for value in part.values() for symbol in value.free_symbols}
+    present = {symbol for part in linear.values() for value in part.values() for symbol in value.free_symbols}
     for letters, numbers in zip((system.q, system.v, system.a, system.lam), point.numbers, strict=True):
         for letter, number in zip(letters, numbers, strict=True):
             if letter in present:
@@ -122,21 +112,20 @@ def _equations(system: Symbolic, signs: Signs, linear: Matrices) -> Iterator[Lin
         levels.append(symbols)
     dq, dv, da, dlam = levels
 
-    def terms(part: Entries, i: int, symbols: tuple[sympy.Symbol, ...]) -> list[tuple[int, f.FormulaNode]]:
+    across = {(i, r): value for (r, i), value in linear["B"].items()}
+
+    def terms(letter: str, i: int, symbols: tuple[sympy.Symbol, ...]) -> list[tuple[int, f.FormulaNode]]:
         """The terms of one row of a matrix times deviations."""
+        part = linear.get(letter, across)
         nodes = (signs.node(part[i, j] * symbol) for j, symbol in enumerate(symbols) if (i, j) in part)
         return [term for node in nodes for term in f.terms_of(node)]
 
-    across = {(i, r): value for (r, i), value in linear.B.items()}
     for i, name in enumerate(system.names):
-        left = f.joined([*terms(linear.M, i, da), *terms(linear.C, i, dv), *terms(linear.K, i, dq)])
-        sides = left, f.joined(terms(across, i, dlam))
+        left = f.joined([*terms("M", i, da), *terms("C", i, dv), *terms("K", i, dq)])
+        sides = left, f.joined(terms("B^T", i, dlam))
         yield Line(sides=sides, kind="deviation", family=f.family(name))
     for r, row in enumerate(system.rows):
-        if row.f is not None:
-            left_terms = terms(linear.B, r, dq)
-        else:
-            left_terms = [*terms(linear.B, r, dv), *terms(linear.D, r, dq)]
+        left_terms = terms("B", r, dq) if row.f is not None else [*terms("B", r, dv), *terms("D", r, dq)]
         if left_terms:
             yield Line(sides=(f.joined(left_terms), f.ZERO), kind="deviation row", family=row.family)
 
@@ -148,33 +137,26 @@ def matrices(system: Symbolic, point: LinearPoint) -> Matrices:
         raise NotLinearizedError(f"there are {count} coordinates, and they are written out for up to {MOST}")
     at = _Substitution(system, point)
     accelerations = [at.zeros.get(a, a) for a in system.a]
-    inertial = [
-        sum((system.matrix(i, j) * a for j, a in enumerate(accelerations)), -system.h[i])
-        for i in range(count)
-    ]
-    pairs = list(zip(system.rows, system.lam, strict=True))
-    residual = [
-        value - sum((row.B[i] * lam for row, lam in pairs if i in row.B), ZERO)
-        for i, value in enumerate(inertial)
-    ]
+    inertial = [system.inertial(i, accelerations, -system.h[i]) for i in range(count)]
+    residual = [value - system.pull(i, system.lam) for i, value in enumerate(inertial)]
     if sum(value.count_ops() for value in residual) > MOST_DIFFERENTIATED:
         raise NotLinearizedError("the equations of motion are too long to be differentiated")
     at.require_smooth(residual)
-    linear = Matrices({}, {}, {}, {}, {})
+    linear: Matrices = {letter: {} for letter in "MCKBD"}
     for i in range(count):
         for j in range(count):
-            at.enter(linear.M, (i, j), system.matrix(i, j))
-        for part, value, letters in ((linear.C, inertial[i], system.v), (linear.K, residual[i], system.q)):
-            at.enter_slopes(part, i, value, letters)
+            at.enter(linear["M"], (i, j), system.matrix(i, j))
+        at.enter_slopes(linear["C"], i, inertial[i], system.v)
+        at.enter_slopes(linear["K"], i, residual[i], system.q)
     for r, row in enumerate(system.rows):
         if point.kind == "general" and row.b != 0:
             raise NotLinearizedError(
                 f"the row {row.name} moves, so that there is no point of rest in general"
             )
         for i, slope in row.B.items():
-            at.enter(linear.B, (r, i), slope)
+            at.enter(linear["B"], (r, i), slope)
         if row.f is None:
-            at.enter_slopes(linear.D, r, system.velocity(row), system.q)
+            at.enter_slopes(linear["D"], r, system.velocity(row), system.q)
     return linear
 
 

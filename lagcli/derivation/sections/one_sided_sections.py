@@ -115,7 +115,7 @@ class OneSided:
             signs.show_as(jumps[i], _beside(-1, signs.sign(system.v[i])), system.a[i])
         for i in system.lagrange:
             total = sum((system.matrix(i, j) * jumps[j] for j in system.lagrange), ZERO)
-            right = self._parts.simulating(i, self._impulses)
+            right = self._every.pull(i, self._impulses)
             yield Line("", (signs.node(total), signs.node(right)), kind="jump")
         # B v+ + b = 0 of the rows that are equations
         for row in system.rows:

@@ -116,7 +116,8 @@ class Sections:
         for i in system.lagrange:
             if any(i in row.B for row in system.rows):
                 left = f.Sign("Q'", (signs.label(i),))
-                yield Line("D.53", (left, signs.node(self.simulating(i))), kind="Q'", family=self._kin(i))
+                pull = signs.node(system.pull(i, system.lam))
+                yield Line("D.53", (left, pull), kind="Q'", family=self._kin(i))
 
     def reaction(
         self,
@@ -135,11 +136,6 @@ class Sections:
             if slopes != NOTHING and factor != 0:
                 terms += self.signs.scaled(factor, slopes)
         return terms
-
-    def simulating(self, i: int, factors: Sequence[sympy.Expr] | None = None) -> sympy.Expr:
-        """sum_i lambda_i B_ij of rows and contacts on a coordinate, or with other factors."""
-        pairs = zip(self._every.rows, self._every.lam if factors is None else factors, strict=True)
-        return sum((row.B[i] * factor for row, factor in pairs if i in row.B), ZERO)
 
     def energies(self) -> Iterator[Line]:
         """T, V and, with generalized coordinates, L (D.34-D.38)."""
@@ -213,9 +209,8 @@ class Sections:
         for i in system.lagrange:
             # h = Q - (what d/dt dL/dq' - dL/dq holds besides M a).
             inertial = polynomial(system.Q.get(i, ZERO) - system.h[i], system.v)
-            accelerated = ((system.matrix(i, j), a) for j, a in enumerate(system.a))
-            left = inertial + sum((m * a for m, a in accelerated if m != 0), ZERO)
-            right = system.Q.get(i, ZERO) + self.simulating(i)
+            left = inertial + system.inertial(i, system.a)
+            right = system.Q.get(i, ZERO) + self._every.pull(i, self._every.lam)
             q, q_dot = signs.sign(system.q[i]), signs.sign(system.v[i])
             sides = f.lagrange(signs.energies["L"], q, q_dot), signs.node(left), signs.node(right)
             yield Line(number, sides, kind="lagrange", family=self._kin(i))
@@ -262,7 +257,7 @@ class Sections:
                 family = system.table.particles.names[number].partition("[")[0]
                 yield Line("D.25", (f.joined(terms), NIL), kind="rest", family=family)
         for i in system.lagrange:
-            total = tidy(h[i] + self.simulating(i))
+            total = tidy(h[i] + self._every.pull(i, self._every.lam))
             if total != 0:
                 yield Line("D.25", (signs.node(total), NIL), kind="rest")
         for row in system.rows:
@@ -376,8 +371,7 @@ def vakonomic(system: Symbolic, signs: Signs) -> Iterator[Line]:
     number = "D.39" if len(rows) == len(system.rows) else "D.53"
     # d/dt d(L + mu phi)/dq' - d(L + mu phi)/dq = sum lambda_j df_j/dq of each coordinate
     for i in (*chosen, *system.lagrange):
-        accelerated = ((system.matrix(i, j), a) for j, a in enumerate(system.a))
-        inertial = sum((m * a for m, a in accelerated if m != 0), ZERO) + polynomial(-system.h[i], system.v)
+        inertial = system.inertial(i, system.a) + polynomial(-system.h[i], system.v)
         carried = ZERO
         for row, rate in zip(rows, rates, strict=True):
             if i in row.B:  # A mu', with the sign before it

@@ -7,7 +7,7 @@ particles. Three components are recognized as the vector they are: (x_b - x_a, y
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import sympy
 
@@ -133,14 +133,6 @@ def _terms(value: sympy.Expr) -> dict[sympy.Expr, list[sympy.Expr]]:
     return terms
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class RecognizedVector:
-    """sum of coefficient * vector, plus `rest` along x, y, z."""
-
-    parts: Mapping[str, sympy.Expr]
-    rest: Triple
-
-
 class VectorRecognizer:
     """Recognizes vectors by the symbols of their components."""
 
@@ -148,7 +140,7 @@ class VectorRecognizer:
         self._axes: tuple[dict[sympy.Symbol, str], ...] = ({}, {}, {})
         self._components: set[sympy.Symbol] = set()
         self.triples: dict[str, Triple] = {}
-        self._found: dict[Triple, RecognizedVector | None] = {}
+        self._found: dict[Triple, Key | None] = {}
 
     def know(self, name: str, triple: Sequence[sympy.Symbol]) -> None:
         """Note that three symbols are the components of the vector of this name."""
@@ -157,8 +149,8 @@ class VectorRecognizer:
             known[symbol] = name
             self._components.add(symbol)
 
-    def vector(self, triple: Triple) -> RecognizedVector | None:
-        """The vector, or None where the components are no such combination."""
+    def vector(self, triple: Triple) -> Key | None:
+        """The combination of vectors, or None where the components are none."""
         if triple in self._found:
             return self._found[triple]
         self._found[triple] = None
@@ -177,8 +169,8 @@ class VectorRecognizer:
             return None
         if any(x[n] != other and sympy.expand(x[n] - other) != 0 for n in x for other in (y[n], z[n])):
             return None
-        parts = {n: x[n] for n in sorted(x, key=list(self.triples).index)}
-        self._found[triple] = RecognizedVector(parts, (rest[0], rest[1], rest[2]))
+        parts = tuple((n, x[n]) for n in sorted(x, key=list(self.triples).index))
+        self._found[triple] = parts, (rest[0], rest[1], rest[2])
         return self._found[triple]
 
     def components(self, key: Key) -> Triple:
@@ -187,13 +179,13 @@ class VectorRecognizer:
         return x, y, z
 
 
-def pieces(vector: RecognizedVector) -> list[tuple[sympy.Expr, Key]]:
+def pieces(vector: Key) -> list[tuple[sympy.Expr, Key]]:
     """The vector as a sum of scalar * (plain combination).
 
     Where the coefficients cancel these are differences from one vector, else vectors whose coefficients differ by a
     number share one factor. The rest along the axes is the last piece.
     """
-    parts = vector.parts
+    parts, rest = dict(vector[0]), vector[1]
     combinations: list[tuple[sympy.Expr, list[tuple[str, sympy.Expr]]]] = []
     if len(parts) >= 3 and sympy.expand(sum(parts.values())) == 0:
         centre = max(parts, key=lambda n: (parts[n].count_ops(), n))
@@ -218,6 +210,6 @@ def pieces(vector: RecognizedVector) -> list[tuple[sympy.Expr, Key]]:
         # The first vector gets a positive sign, so that r_a - r_b and r_b - r_a are one thing.
         sign = -1 if members[0][1].is_negative else 1
         summands.append((sign * c, (tuple((name, sign * weight) for name, weight in members), NOTHING)))
-    if vector.rest != NOTHING:
-        summands.append((sympy.Integer(1), ((), vector.rest)))
+    if rest != NOTHING:
+        summands.append((sympy.Integer(1), ((), rest)))
     return summands

@@ -38,18 +38,14 @@ def _scientific(digits: int, exponent: int) -> str:
 
 def _decimal(p: int, q: int) -> str | None:
     """p/q as a finite decimal, or None where there is none."""
-    rest, twos, fives = q, 0, 0
-    while rest % 2 == 0:
-        rest, twos = rest // 2, twos + 1
-    while rest % 5 == 0:
-        rest, fives = rest // 5, fives + 1
-    decimals = max(twos, fives)
-    if rest != 1:
+    decimals = next((k for k in range(q.bit_length()) if 10**k % q == 0), None)
+    if decimals is None:
         return None
+    whole = p * 10**decimals // q
     if decimals > DECIMALS:
-        return _scientific(p * 10**decimals // q, -decimals)
-    digits = str(p * 10**decimals // q).rjust(decimals + 1, "0")
-    return f"{digits[:-decimals]}.{digits[-decimals:]}" if decimals else digits
+        return _scientific(whole, -decimals)
+    digits = str(whole).rjust(decimals + 1, "0")
+    return f"{digits[:-decimals]}.{digits[-decimals:]}"
 
 
 class Signs:
@@ -124,14 +120,14 @@ class Signs:
         self._abbreviations()
         vector = self._system.table.recognizer.vector(triple)
         several = sum(1 for part in triple if part != 0) > 1
-        if vector is None or (not vector.parts and several):
+        if vector is None or (not vector[0] and several):
             return f.Triple(tuple(self.node(tidy(part)) for part in triple))
         return self._node(sum((self._times(merged(tidy(c)), key) for c, key in pieces(vector)), ZERO))
 
     def scaled(self, factor: sympy.Expr, triple: Triple) -> list[tuple[int, f.FormulaNode]]:
         """The terms of factor * vector; the factor may hold components of vectors, and stays a factor."""
         vector = self._system.table.recognizer.vector(triple)
-        if vector is None or (not vector.parts and sum(1 for part in triple if part != 0) > 1):
+        if vector is None or (not vector[0] and sum(1 for part in triple if part != 0) > 1):
             if factor == 1:
                 return [(1, self.vector(triple))]
             sign, node = f.split(self.node(factor))

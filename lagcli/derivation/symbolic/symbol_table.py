@@ -159,12 +159,12 @@ class SymbolTable:
         if not inner.is_Add or not moving:
             return sympy.sqrt(inner)
         vector = self.recognizer.vector(triple) if triple is not None else None
-        if vector is None or any(c.free_symbols for c in vector.parts.values()) or not vector.parts:
+        if vector is None or any(c.free_symbols for _, c in vector[0]) or not vector[0]:
             return self._abbreviated(inner, None)
         # |U| of the vector up to its sign, the first part positive
-        sign = -1 if next(iter(vector.parts.values())).is_negative else 1
-        parts = tuple((n, sign * c) for n, c in vector.parts.items())
-        x, y, z = (sign * part for part in vector.rest)
+        sign = -1 if vector[0][0][1].is_negative else 1
+        parts = tuple((n, sign * c) for n, c in vector[0])
+        x, y, z = (sign * part for part in vector[1])
         key: Key = parts, (x, y, z)
         u, v, w = self.recognizer.components(key)
         length = self._abbreviated(u**2 + v**2 + w**2, key)

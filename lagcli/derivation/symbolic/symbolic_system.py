@@ -92,6 +92,16 @@ class Symbolic:
     def matrix(self, i: int, j: int) -> sympy.Expr:
         return self.M.get((min(i, j), max(i, j)), ZERO)
 
+    def inertial(self, i: int, a: Sequence[sympy.Expr], rest: sympy.Expr = ZERO) -> sympy.Expr:
+        """sum_j M_ij a_j, and `rest`."""
+        pairs = ((self.matrix(i, j), each) for j, each in enumerate(a))
+        return sum((m * each for m, each in pairs if m != 0), rest)
+
+    def pull(self, i: int, factors: Sequence[sympy.Expr]) -> sympy.Expr:
+        """sum_r factor_r B_ri of rows on a coordinate, of those of `lam` Q'_i."""
+        pairs = zip(self.rows, factors, strict=True)
+        return sum((row.B[i] * factor for row, factor in pairs if i in row.B), ZERO)
+
 
 def symbolic(
     model: nouns.Model, bodies: tuple[rigid.Geometry, ...], values: frozenset[str] = frozenset()
