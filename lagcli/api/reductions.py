@@ -18,7 +18,7 @@ from lagcli import memory, yaml_tree
 from lagcli.arrays import Floats
 from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, functions, parser, tokens, tree
-from lagcli.expression.evaluate import Operators, Value
+from lagcli.expression.evaluate import Value
 from lagcli.expression.tree import ExpressionError
 
 Array = npt.NDArray[np.float64]
@@ -173,7 +173,7 @@ _OF_ROWS: dict[str, Callable[[Array, Array], float]] = {
 REDUCERS = frozenset(_OF_ROWS) - {"max", "min"}
 
 
-class _RowAlgebra(Operators):
+class _RowAlgebra:
     """Arrays as scalars; see `evaluate.Algebra`."""
 
     known: tuple[str, ...] = ()
@@ -186,13 +186,13 @@ class _RowAlgebra(Operators):
     def number(self, node: tree.Number) -> Array:
         return np.float64(node.text)  # type: ignore[return-value]
 
-    def power(self, node: tree.Node, base: Array, exponent: Array) -> Array:
-        return np.power(base, exponent)
-
-    def function(self, node: tree.Node, name: str, arguments: tuple[Array, ...]) -> Array:
-        if name in _OF_ROWS and len(arguments) == 1:
-            return self._reduced(name, arguments[0])
-        return functions.TABLE[name].array(*arguments)
+    def operation(self, node: tree.Node, name: str, *parts: Array) -> Array:
+        if name in _OF_ROWS and len(parts) == 1:
+            return self._reduced(name, parts[0])
+        if name == "pow":
+            return np.power(*parts)
+        made: Array = (functions.ARITHMETIC.get(name) or functions.TABLE[name].array)(*parts)
+        return made
 
     def special(self, node: tree.Call) -> Value[Array]:
         if node.function not in REDUCERS:

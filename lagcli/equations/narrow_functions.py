@@ -119,43 +119,29 @@ class _Orders:
         assert isinstance(argument, tree.Reference)
         return self.atom(argument)
 
-    def add(self, node: tree.Node, left: MotionOrder, sign: int, right: MotionOrder) -> MotionOrder:
-        _require_wide(left)
-        _require_wide(right)
-        orders = [value.order for value in (left, right) if value.order is not None]
+    def operation(self, node: tree.Node, name: str, *parts: MotionOrder) -> MotionOrder:
+        first, last = parts[0], parts[-1]
+        orders = [value.order for value in parts if value.order is not None]
+        if name in functions.TABLE or name in ("add", "sub"):
+            for value in parts:
+                _require_wide(value)
         if not orders:
+            if name == "neg":
+                return MotionOrder(None, None if first.number is None else -first.number)
+            if name == "div" and first.number is not None and last.number:
+                return MotionOrder(None, first.number / last.number)
             return _CONSTANT
-        return MotionOrder(max([*orders, 0.0] if len(orders) == 1 else orders))
-
-    def negate(self, node: tree.Node, value: MotionOrder) -> MotionOrder:
-        return MotionOrder(value.order, None if value.number is None else -value.number)
-
-    def multiply(self, node: tree.Node, left: MotionOrder, right: MotionOrder) -> MotionOrder:
-        if left.order is None or right.order is None:
-            return _CONSTANT if left.order is right.order else MotionOrder(left.order or right.order or 0.0)
-        return MotionOrder(left.order + right.order)
-
-    def divide(self, node: tree.Node, left: MotionOrder, right: MotionOrder) -> MotionOrder:
-        if right.order is None:
-            if left.number is None or not right.number:
-                return MotionOrder(left.order)
-            return MotionOrder(None, left.number / right.number)
-        return MotionOrder((left.order or 0.0) - right.order)
-
-    def power(self, node: tree.Node, base: MotionOrder, exponent: MotionOrder) -> MotionOrder:
-        if base.order is None and exponent.order is None:
-            return _CONSTANT
-        # A wave to a high power is a row of peaks.
-        if exponent.number is None or (base.order == 0.0 and abs(exponent.number) > -PARAMETERS.fall):
-            raise _Narrow
-        return MotionOrder((base.order or 0.0) * exponent.number)
-
-    def function(self, node: tree.Node, name: str, arguments: tuple[MotionOrder, ...]) -> MotionOrder:
-        orders = [value.order for value in arguments if value.order is not None]
-        for value in arguments:
-            _require_wide(value)
-        if not orders:
-            return _CONSTANT
+        if name in ("add", "sub"):
+            return MotionOrder(max([*orders, 0.0] if len(orders) == 1 else orders))
+        if name in ("neg", "mul"):
+            return MotionOrder(sum(orders))
+        if name == "div":
+            return MotionOrder((first.order or 0.0) - (last.order or 0.0))
+        if name == "pow":
+            # A wave to a high power is a row of peaks.
+            if last.number is None or (first.order == 0.0 and abs(last.number) > -PARAMETERS.fall):
+                raise _Narrow
+            return MotionOrder((first.order or 0.0) * last.number)
         far = functions.TABLE[name].far
         if far == "narrow":
             raise _Narrow

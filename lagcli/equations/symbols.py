@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping
 import casadi as ca
 
 from lagcli.expression import evaluate, functions, tree
-from lagcli.expression.evaluate import Operators
 from lagcli.frozen import frozen
 from lagcli.model import model as nouns
 
@@ -83,7 +82,7 @@ class FixedExponents:
         return self._values[name]
 
 
-class SymbolicAlgebra(Operators):
+class SymbolicAlgebra:
     """Scalars are SX expressions, (1, 1) or columns (K, 1) over the members of a family. fixed: gives the number of an
     exponent that depends on parameters only (it is then built in), or None."""
 
@@ -103,12 +102,20 @@ class SymbolicAlgebra(Operators):
     def number(self, node: tree.Number) -> ca.SX:
         return ca.SX(float(node.text))
 
-    def power(self, node: tree.Node, base: ca.SX, exponent: ca.SX) -> ca.SX:
-        if exponent.numel() == 1:
-            return self._power(base, exponent)
-        bases = ca.vertsplit(base) if base.numel() > 1 else [base] * exponent.numel()
-        powers = map(self._power, bases, ca.vertsplit(exponent))
-        return ca.vertcat(ca.SX(0, 1), *powers)
+    def operation(self, node: tree.Node, name: str, *parts: ca.SX) -> ca.SX:
+        if name == "pow":
+            base, exponent = parts
+            if exponent.numel() == 1:
+                return self._power(base, exponent)
+            bases = ca.vertsplit(base) if base.numel() > 1 else [base] * exponent.numel()
+            powers = map(self._power, bases, ca.vertsplit(exponent))
+            return ca.vertcat(ca.SX(0, 1), *powers)
+        if name in functions.ARITHMETIC:
+            made: ca.SX = functions.ARITHMETIC[name](*parts)
+            return made
+        row = functions.TABLE[name]
+        found: Callable[..., ca.SX] = functions.meaning(ca, row.casadi or row.operation, name)
+        return functools.reduce(found, parts) if row.arguments == functions.MANY else found(*parts)
 
     def _power(self, base: ca.SX, exponent: ca.SX) -> ca.SX:
         value = float(exponent) if exponent.is_constant() else self._fixed(exponent)
@@ -120,11 +127,6 @@ class SymbolicAlgebra(Operators):
             product = _product_power(base, abs(round(value)))
             return product if value >= 0 else 1 / product
         return base**value
-
-    def function(self, node: tree.Node, name: str, arguments: tuple[ca.SX, ...]) -> ca.SX:
-        row = functions.TABLE[name]
-        found: Callable[..., ca.SX] = functions.meaning(ca, row.casadi or row.operation, name)
-        return functools.reduce(found, arguments) if row.arguments == functions.MANY else found(*arguments)
 
 
 def _product_power(base: ca.SX, exponent: int) -> ca.SX:

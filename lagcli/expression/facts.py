@@ -25,7 +25,12 @@ Value = float | npt.NDArray[np.float64]
 NONLINEAR = 9
 
 # What is 0 only where an operand is.
-_PRODUCTS: tuple[Callable[..., Value], ...] = (np.multiply, np.divide, np.power)
+_PRODUCTS = ("mul", "div", "pow")
+# Of floats, and of arrays.
+_ARITHMETIC: dict[str, tuple[Callable[..., float], Callable[..., Value]]] = {
+    **{name: (rule, rule) for name, rule in functions.ARITHMETIC.items()},
+    "pow": (math.pow, np.power),
+}
 
 NOTHING: frozenset[Flag] = frozenset()
 POSITION_OR_TIME: frozenset[Flag] = frozenset(("position", "time"))
@@ -126,114 +131,80 @@ class FactsAlgebra:
         message, hint = hints.nonlinear(term, fact.high, frozenset(fact.reads), quotient)
         raise ExpressionError("nonlinear-differential", message, node.start, node.end, hint)
 
-    def add(self, node: tree.Node, left: Facts, sign: int, right: Facts) -> Facts:
-        one, other = left.value, right.value
-        if one is not None:
-            if other is not None:
-                if one.__class__ is float and other.__class__ is float:
-                    return Facts(self._finite(node, one + sign * other))
-                return self._each(
-                    node, lambda u, w: u + sign * w, lambda u, w: self.add(node, u, sign, w), one, other
+    def operation(self, node: tree.Node, name: str, *parts: Facts) -> Facts:
+        if name == "div":
+            divisor = parts[1].value
+            if divisor is not None and not (divisor if divisor.__class__ is float else np.all(divisor)):
+                member = int(np.argmin(divisor != 0.0)) if np.ndim(divisor) else None
+                raise ExpressionError(
+                    "not-finite", "this divides by zero", node.start, node.end, member=member
                 )
-            if one.__class__ is float and one == 0.0:
+        for part in parts:
+            if part.value is None:
+                break
+        else:
+            return self._constant(node, name, *map(constant, parts))
+        left, right = parts[0], parts[-1]
+        if name in ("add", "sub"):
+            if left.value.__class__ is float and left.value == 0.0:
                 return right
-        elif left is right or (other.__class__ is float and other == 0.0):
+            if left is right or (right.value.__class__ is float and right.value == 0.0):
+                return left
+            low = left.low if left.low < right.low else right.low
+            high = left.high if left.high > right.high else right.high
+            if left.reads is right.reads and left.value is None and left.low == low and left.high == high:
+                return left  # in a long sum one term is like the other
+            return Facts(None, left.reads | right.reads, low, high)
+        if name == "neg":
             return left
-        low = left.low if left.low < right.low else right.low
-        high = left.high if left.high > right.high else right.high
-        if left.reads is right.reads and left.value is None and left.low == low and left.high == high:
-            return left  # in a long sum one term is like the other
-        return Facts(None, left.reads | right.reads, low, high)
+        if name == "mul":
+            low, high = left.low + right.low, min(NONLINEAR, left.high + right.high)
+            return self._checked(node, Facts(None, left.reads | right.reads, low, high))
+        low, high = 0, NONLINEAR if any(part.high for part in parts) else 0
+        if name == "div":
+            low, high = left.low, high if right.high else left.high
+        elif name == "pow" and high:
+            every = np.array(math.nan) if right.value is None else np.asarray(right.value)
+            if np.all((every == np.floor(every)) & (every >= 0.0)):
+                # Exponents 0, 1, 2, ..., up to `NONLINEAR`.
+                capped = np.minimum(every, NONLINEAR)
+                low = left.low * int(np.min(capped, initial=NONLINEAR))
+                high = min(NONLINEAR, left.high * int(np.max(capped, initial=0)))
+        reads = NOTHING.union(*[part.reads for part in parts])
+        return self._checked(node, Facts(None, reads, low, high), name == "div" and bool(right.high))
 
-    def negate(self, node: tree.Node, value: Facts) -> Facts:
-        return value if value.value is None else Facts(-value.value)
-
-    def multiply(self, node: tree.Node, left: Facts, right: Facts) -> Facts:
-        one, other = left.value, right.value
-        if one is not None and other is not None:
-            if one.__class__ is float and other.__class__ is float:
-                return Facts(self._product(node, one * other, one, other))
-            return self._each(node, np.multiply, lambda u, w: self.multiply(node, u, w), one, other)
-        low, high = left.low + right.low, min(NONLINEAR, left.high + right.high)
-        return self._checked(node, Facts(None, left.reads | right.reads, low, high))
-
-    def divide(self, node: tree.Node, left: Facts, right: Facts) -> Facts:
-        one, other = left.value, right.value
-        if other is not None and not (other if other.__class__ is float else np.all(other)):
-            member = int(np.argmin(other != 0.0)) if np.ndim(other) else None
-            raise ExpressionError("not-finite", "this divides by zero", node.start, node.end, member=member)
-        if one is not None and other is not None:
-            if one.__class__ is float and other.__class__ is float:
-                return Facts(self._product(node, one / other, one, other))
-            return self._each(node, np.divide, lambda u, w: self.divide(node, u, w), one, other)
-        high = NONLINEAR if right.high else left.high
-        return self._checked(node, Facts(None, left.reads | right.reads, left.low, high), bool(right.high))
-
-    def power(self, node: tree.Node, base: Facts, exponent: Facts) -> Facts:
-        one, other = base.value, exponent.value
-        if one is not None and other is not None:
-            if isinstance(one, float) and isinstance(other, float):
-                power = self._constant(node, "**", math.pow, one, other)
-                return Facts(self._product(node, power, one, other))
-            return self._each(node, np.power, lambda u, w: self.power(node, u, w), one, other)
-        reads = base.reads | exponent.reads
-        if not base.high and not exponent.high:
-            return Facts(None, reads)
-        low, high = 0, NONLINEAR
-        every = np.array(math.nan) if other is None else np.asarray(other)
-        if np.all((every == np.floor(every)) & (every >= 0.0)):
-            # Exponents 0, 1, 2, ..., up to `NONLINEAR`.
-            capped = np.minimum(every, NONLINEAR)
-            low = base.low * int(np.min(capped, initial=NONLINEAR))
-            high = min(NONLINEAR, base.high * int(np.max(capped, initial=0)))
-        return self._checked(node, Facts(None, reads, low, high))
-
-    def function(self, node: tree.Node, name: str, arguments: tuple[Facts, ...]) -> Facts:
-        values = [a.value for a in arguments if a.value is not None]
-        if len(values) == len(arguments):
-            if all(isinstance(value, float) for value in values):
-                return Facts(self._constant(node, name, functions.TABLE[name].value, *values))
-            return self._each(
-                node, functions.TABLE[name].array, lambda *parts: self.function(node, name, parts), *values
-            )
-        reads = frozenset[Flag]().union(*(a.reads for a in arguments))
-        high = NONLINEAR if any(a.high for a in arguments) else 0
-        return self._checked(node, Facts(None, reads, 0, high))
-
-    def _each(
-        self, node: tree.Node, compute: Callable[..., Value], again: Callable[..., Facts], *values: Value
-    ) -> Facts:
-        """A constant for each member. For the first that is not finite, `again` says what is wrong."""
+    def _constant(self, node: tree.Node, name: str, *values: Value) -> Facts:
+        """An operation on constants: a number, or one for each member."""
+        row = functions.TABLE.get(name)
+        number, array = (row.value, row.array) if row else _ARITHMETIC[name]
+        if all(isinstance(value, float) for value in values):
+            try:
+                result = number(*values)
+            except (ValueError, ZeroDivisionError):
+                message = f"`{'**' if name == 'pow' else name}` is not defined for this value"
+                raise ExpressionError("not-finite", message, node.start, node.end) from None
+            except OverflowError:
+                result = math.inf
+            if result == 0.0 and name in _PRODUCTS:
+                _require_kept(node, all(values))
+            return Facts(self._finite(node, result))
         with np.errstate(all="ignore"):
-            found = np.asarray(compute(*values), dtype=float)
+            found = np.asarray(array(*values), dtype=float)
         broken = ~np.isfinite(found)
-        if compute in _PRODUCTS and not found.all():
+        if name in _PRODUCTS and not found.all():
             broken |= (found == 0.0) & (values[0] != 0.0) & (values[1] != 0.0)
         if broken.any():
+            # The first of them says what is wrong.
             member = int(np.argmax(broken))
             try:
-                again(*(Facts(float(np.broadcast_to(value, found.shape).flat[member])) for value in values))
+                self._constant(
+                    node, name, *(float(np.broadcast_to(value, found.shape).flat[member]) for value in values)
+                )
                 self._finite(node, math.inf)
             except ExpressionError as error:
                 error.member = member if found.ndim else None
                 raise
         return Facts(found if found.ndim else float(found))
-
-    def _constant(self, node: tree.Node, name: str, compute: Callable[..., float], *values: Value) -> float:
-        try:
-            value = compute(*values)
-        except (ValueError, ZeroDivisionError):
-            message = f"`{name}` is not defined for this value"
-            raise ExpressionError("not-finite", message, node.start, node.end) from None
-        except OverflowError:
-            value = math.inf
-        return self._finite(node, value)
-
-    def _product(self, node: tree.Node, value: float, one: float, other: float) -> float:
-        """The product, quotient or power of two constants, which is 0 only where one of them is."""
-        if value == 0.0:
-            _require_kept(node, one != 0.0 and other != 0.0)
-        return self._finite(node, value)
 
     @staticmethod
     def _finite(node: tree.Node, value: float) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import functools
 import math
+import operator
 from collections.abc import Callable
 from types import ModuleType
 from typing import Any, Final, Literal
@@ -195,6 +196,16 @@ OPERATIONS: dict[str, tuple[Callable[[float], float], Computed]] = {
     "atanh": (math.atanh, lambda of, x, y: 1 / (1 - x * x)),
     "log1p": (math.log1p, lambda of, x, y: 1 / (1 + x)),
     "expm1": (math.expm1, lambda of, x, y: y + 1),
+}
+
+# Sums, products and powers of any numbers that have Python's operators, by their names in a `Program`.
+ARITHMETIC: dict[str, Computed] = {
+    "add": operator.add,
+    "sub": operator.sub,
+    "neg": operator.neg,
+    "mul": operator.mul,
+    "div": operator.truediv,
+    "pow": operator.pow,
 }
 
 

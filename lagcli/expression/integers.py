@@ -32,9 +32,15 @@ _RULE = "bounds and indices are integer expressions of parameters and earlier in
 
 # Of numbers and of arrays, without an overflow.
 _TOP, _BOTTOM = (np.frompyfunc(operator.attrgetter(part), 1, 1) for part in ("numerator", "denominator"))
-_PRODUCT, _QUOTIENT = np.frompyfunc(operator.mul, 2, 1), np.frompyfunc(Fraction, 2, 1)
-_POWER = np.frompyfunc(lambda base, exponent: Fraction(base) ** exponent, 2, 1)
-_FUNCTIONS = {"min": np.frompyfunc(min, 2, 1), "max": np.frompyfunc(max, 2, 1), "abs": None}
+_OPERATIONS: dict[str, Callable[[Exact, Exact], Exact]] = {
+    "add": operator.add,
+    "sub": operator.sub,
+    "mul": np.frompyfunc(operator.mul, 2, 1),
+    "div": np.frompyfunc(Fraction, 2, 1),
+    "pow": np.frompyfunc(lambda base, exponent: Fraction(base) ** exponent, 2, 1),
+    "min": np.frompyfunc(min, 2, 1),
+    "max": np.frompyfunc(max, 2, 1),
+}
 _RELATIONS: dict[str, Callable[[Exact, Exact], Truth]] = {
     "==": operator.eq,
     "!=": operator.ne,
@@ -78,7 +84,7 @@ def _exact(node: tree.Node, lookup: Lookup) -> Exact:
     for part in tree.walk(node):
         is_known = isinstance(part, tree.Call) and part.function in walk.FUNCTION_NAMES
         if isinstance(part, (tree.Vector, tree.Member, tree.Index, tree.Component)) or (
-            is_known and isinstance(part, tree.Call) and part.function not in _FUNCTIONS
+            is_known and isinstance(part, tree.Call) and part.function not in ("min", "max", "abs")
         ):
             raise _unfit(part)
     return walk.scalar(node, _ExactAlgebra(lookup))
@@ -100,29 +106,19 @@ class _ExactAlgebra:
     def special(self, node: tree.Call) -> Exact:
         raise _unfit(node)
 
-    def add(self, node: tree.Node, left: Exact, sign: int, right: Exact) -> Exact:
-        return _kept(node, left + sign * right)
-
-    def negate(self, node: tree.Node, value: Exact) -> Exact:
-        return -value
-
-    def multiply(self, node: tree.Node, left: Exact, right: Exact) -> Exact:
-        return _kept(node, _PRODUCT(left, right))
-
-    def divide(self, node: tree.Node, left: Exact, right: Exact) -> Exact:
-        _refuse(node, right == 0, _ZERO, "not-finite")
-        return _kept(node, _QUOTIENT(left, right))
-
-    def power(self, node: tree.Node, base: Exact, exponent: Exact) -> Exact:
-        exponent = _whole(node, exponent, "the exponent must be a whole number")
-        _refuse(node, (exponent < 0) & (base == 0), _ZERO, "not-finite")
-        # From 2 on, and down from a half, an exponent above 53 is beyond the limit.
-        _refuse(node, (base != 0) & (abs(base) != 1) & (abs(exponent) > 53), _LARGE)
-        return _kept(node, _POWER(base, exponent))
-
-    def function(self, node: tree.Node, name: str, arguments: tuple[Exact, ...]) -> Exact:
-        best = _FUNCTIONS[name]
-        return abs(arguments[0]) if best is None else _kept(node, functools.reduce(best, arguments))
+    def operation(self, node: tree.Node, name: str, *parts: Exact) -> Exact:
+        first, last = parts[0], parts[-1]
+        if name in ("neg", "abs"):
+            return -first if name == "neg" else abs(first)
+        if name == "div":
+            _refuse(node, last == 0, _ZERO, "not-finite")
+        elif name == "pow":
+            exponent: Exact = _whole(node, last, "the exponent must be a whole number")
+            _refuse(node, (exponent < 0) & (first == 0), _ZERO, "not-finite")
+            # From 2 on, and down from a half, an exponent above 53 is beyond the limit.
+            _refuse(node, (first != 0) & (abs(first) != 1) & (abs(exponent) > 53), _LARGE)
+            parts = first, exponent
+        return _kept(node, functools.reduce(_OPERATIONS[name], parts))
 
 
 def _integers(node: tree.Node, value: object) -> Integers:

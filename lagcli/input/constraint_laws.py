@@ -128,7 +128,7 @@ def _gap(node: tree.Node, algebra: FactsAlgebra) -> Facts:
         message = "a condition compares two numbers, and here is a vector"
         hint = "give each component an entry of its own, `a.x >= 0`; a distance is `norm(a) >= 1`"
         raise ExpressionError("bad-condition", message, node.start, node.end, hint)
-    found = algebra.add(node, left, -1, right)
+    found = algebra.operation(node, "sub", left, right)
     if "position" not in found.reads:
         what = "only the time `t`" if found.reads else "only constants"
         message = f"{ONE_SIDED} holds coordinates, and this one holds {what}"

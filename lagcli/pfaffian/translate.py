@@ -210,15 +210,17 @@ class _FormNames(notation.SympyAlgebra):
         there.resolver = Resolver(self._names, there, there._indices, {})
         return there
 
-    def power(self, node: tree.Node, base: sympy.Expr, exponent: sympy.Expr) -> sympy.Expr:
-        if exponent.free_symbols and not base.free_symbols.isdisjoint((*self.moved, _DT)):
+    def operation(self, node: tree.Node, name: str, *parts: sympy.Expr) -> sympy.Expr:
+        base, exponent = parts[0], parts[-1]
+        if name == "pow" and exponent.free_symbols and not base.free_symbols.isdisjoint((*self.moved, _DT)):
             # In a row, which is linear in differentials, it is 0 or 1 for the values of the parameters.
             numbers = [part for p in self._model.parameters for part in np.atleast_1d(p.value).tolist()]
             values = dict(zip(self.parameters, map(exact, numbers), strict=True))
             value = exponent.xreplace(values).evalf()
             if value.is_number and abs(value - round(value)) <= doubles.VALUE:
-                exponent = sympy.Integer(round(value))  # else that of a definition that no row can hold
-        return super().power(node, base, exponent)
+                # Else it is that of a definition that no row can hold.
+                parts = base, sympy.Integer(round(value))
+        return super().operation(node, name, *parts)
 
     def constant(self, name: str) -> Value[sympy.Expr] | None:
         return self._constants.get(name)

@@ -10,8 +10,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import math
-import operator
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -32,12 +31,7 @@ _PLAIN = frozenset(("add", "sub", "neg", "mul"))
 _STEADY = _PLAIN | language.named(
     lambda row: row.arguments == 1 and (row.is_piecewise or row.far == "exponential")
 )
-_FAST: dict[str, Callable[[float, float], float]] = {
-    "add": operator.add,
-    "sub": operator.sub,
-    "mul": operator.mul,
-    "div": operator.truediv,
-}
+_FAST = frozenset(("add", "sub", "mul", "div"))
 _SWITCHES = language.named(
     lambda row: (
         row.arguments != language.MANY and (row.is_piecewise or row.jumps == "zero" or row.far == "root")
@@ -196,7 +190,7 @@ class _Record:
                 # By far the most often.
                 (a, b), (c, d) = numbers
                 if a is b and c is d and not (name == "div" and float(c) == 0.0):
-                    return _Value(number=intervals.constant(_FAST[name](float(a), float(c))))
+                    return _Value(number=intervals.constant(language.ARITHMETIC[name](float(a), float(c))))
             return _Value(number=intervals.ARRAYS.result(name, *numbers))
         if any(part.number is None and part.index is None for part in parts):
             # On what depends on the motion. A quotient by what does not depend on both is a product.
@@ -313,40 +307,27 @@ class _Algebra:
         assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
         return self.atom(argument)
 
-    def add(self, node: tree.Node, left: _Value, sign: int, right: _Value) -> _Value:
-        return self._record.combine("add" if sign > 0 else "sub", left, right)
-
-    def negate(self, node: tree.Node, value: _Value) -> _Value:
-        return self._record.combine("neg", value)
-
-    def multiply(self, node: tree.Node, left: _Value, right: _Value) -> _Value:
-        return self._record.combine("mul", left, right)
-
-    def divide(self, node: tree.Node, left: _Value, right: _Value) -> _Value:
-        """left / right; one whose divisor vanishes has a pole, and may jump from one infinity to the other."""
-        self._record.switch(right)
-        return self._record.combine("div", left, right)
-
-    def power(self, node: tree.Node, base: _Value, exponent: _Value) -> _Value:
-        """base ** exponent; one that is not whole has a kink at zero, and one below zero a pole, as a divisor."""
-        least = exponent.number[0] if exponent.number is not None else None
-        if least is None or not ((least >= 0.0) & (least == np.round(least))).all():
-            self._record.switch(base)
-        return self._record.combine("pow", base, exponent)
-
-    def function(self, node: tree.Node, name: str, arguments: tuple[_Value, ...]) -> _Value:
-        """A scalar function, with what it switches at."""
-        record, row = self._record, language.TABLE[name]
-        if row.arguments == language.MANY:
-            result = arguments[0]
-            for argument in arguments[1:]:
+    def operation(self, node: tree.Node, name: str, *parts: _Value) -> _Value:
+        """An operation, with what it switches at: a quotient may jump from one infinity to the other; a power that is
+        not whole has a kink at zero, one below zero a pole."""
+        record, row = self._record, language.TABLE.get(name)
+        if name == "div":
+            record.switch(parts[1])
+        elif name == "pow":
+            least = parts[1].number[0] if parts[1].number is not None else None
+            if least is None or not ((least >= 0.0) & (least == np.round(least))).all():
+                record.switch(parts[0])
+        elif row is not None and row.arguments == language.MANY:
+            result = parts[0]
+            for argument in parts[1:]:
                 record.switch(record.combine("sub", result, argument))
                 result = record.combine(name, result, argument)
             return result
-        if name in _SWITCHES:
-            record.switch(arguments[0])
-        if row.poles:
-            record.switch(record.combine(row.poles, arguments[0]))
-        for end in row.domain or ():
-            record.switch(record.combine("sub", arguments[0], _Value(number=intervals.constant(end))))
-        return record.combine(name, *arguments)
+        elif row is not None:
+            if name in _SWITCHES:
+                record.switch(parts[0])
+            if row.poles:
+                record.switch(record.combine(row.poles, parts[0]))
+            for end in row.domain or ():
+                record.switch(record.combine("sub", parts[0], _Value(number=intervals.constant(end))))
+        return record.combine(name, *parts)

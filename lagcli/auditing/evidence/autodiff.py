@@ -220,34 +220,30 @@ class NumberAlgebra:
     def number(self, node: tree.Number) -> Scalar:
         return np.full((1, 1), float(node.text))
 
-    def add(self, node: tree.Node, left: Scalar, sign: int, right: Scalar) -> Scalar:
-        a, b = value(left), value(right)
-        return self._graph.result(a + b if sign > 0 else a - b, (left, 1.0), (right, float(sign)))
+    def operation(self, node: tree.Node, name: str, *parts: Scalar) -> Scalar:
+        if name in functions.TABLE:
+            return self._function(name, parts)
+        values = [value(x) for x in parts]
+        if name == "pow":
+            x, e = values
+            if np.all(e == 0.5):
+                return self._function("sqrt", parts[:1])
+            result = _power(x, e)
+            by_base = np.where(e == 0.0, 0.0, e * _power(x, np.where(e == 0.0, 1.0, e - 1.0)))
+            # Where the exponent is a node the base is positive.
+            by_exponent = result * np.log(x) if isinstance(parts[1], GraphNode) else 0.0
+            return self._graph.result(result, (parts[0], by_base), (parts[1], by_exponent))
+        result = functions.ARITHMETIC[name](*values)
+        slopes: tuple[Array | float, ...]
+        if name == "mul":
+            slopes = values[1], values[0]
+        elif name == "div":
+            slopes = 1 / values[1], -result / values[1]
+        else:
+            slopes = {"add": (1.0, 1.0), "sub": (1.0, -1.0), "neg": (-1.0,)}[name]
+        return self._graph.result(result, *zip(parts, slopes, strict=True))
 
-    def negate(self, node: tree.Node, x: Scalar) -> Scalar:
-        return self._graph.result(-value(x), (x, -1.0))
-
-    def multiply(self, node: tree.Node, left: Scalar, right: Scalar) -> Scalar:
-        a, b = value(left), value(right)
-        return self._graph.result(a * b, (left, b), (right, a))
-
-    def divide(self, node: tree.Node, left: Scalar, right: Scalar) -> Scalar:
-        a, b = value(left), value(right)
-        quotient = a / b
-        return self._graph.result(quotient, (left, 1 / b), (right, -quotient / b))
-
-    def power(self, node: tree.Node, base: Scalar, exponent: Scalar) -> Scalar:
-        x, e = value(base), value(exponent)
-        if np.all(e == 0.5):
-            return self.function(node, "sqrt", (base,))
-        result = _power(x, e)
-        by_base = np.where(e == 0.0, 0.0, e * _power(x, np.where(e == 0.0, 1.0, e - 1.0)))
-        by_exponent: Array | float = 0.0
-        if value(exponent) is not exponent:  # it is a node: the base is positive then
-            by_exponent = result * np.log(x)
-        return self._graph.result(result, (base, by_base), (exponent, by_exponent))
-
-    def function(self, node: tree.Node, name: str, arguments: tuple[Scalar, ...]) -> Scalar:
+    def _function(self, name: str, arguments: tuple[Scalar, ...]) -> Scalar:
         row = functions.TABLE[name]
         if row.arguments == functions.MANY:
             extreme, *others = arguments

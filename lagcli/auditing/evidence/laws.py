@@ -265,7 +265,8 @@ class ModelLaws:
                 yield evaluate.scalar(force.expression.tree, algebra), force.members.count
         for targets, F, algebra in self._on_particles(on_table, constant=True):
             for part, position in zip(F, on_table.position(targets), strict=True):
-                yield algebra.negate(SPOT, algebra.multiply(SPOT, part, position)), targets.size
+                product = algebra.operation(SPOT, "mul", part, position)
+                yield algebra.operation(SPOT, "neg", product), targets.size
 
     def _lagrangian(self, on_table: ModelOnTable) -> list[Scalar]:
         declared = self.model.lagrangian

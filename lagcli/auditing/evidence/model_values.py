@@ -5,6 +5,7 @@ Holonomic rows come first, then those of rigid bodies, then inequalities that ar
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -267,10 +268,11 @@ def _rigid_rows(
     on_table: ModelOnTable, numbers: Integers, geometry: rigid.Geometry
 ) -> Iterator[tuple[Scalar, Integers]]:
     """The rows of a rigid body: distances of the base, then each further particle by its coefficients."""
-    a, base = on_table.algebra(), numbers[list(geometry.base)]
+    done = functools.partial(on_table.algebra().operation, SPOT)
+    base = numbers[list(geometry.base)]
 
     def minus(left: Triple, right: Triple) -> list[Scalar]:
-        return [a.add(SPOT, u, -1, w) for u, w in zip(left, right, strict=True)]
+        return [done("sub", u, w) for u, w in zip(left, right, strict=True)]
 
     def point(j: int) -> Triple:
         return on_table.position(base[j : j + 1])
@@ -279,9 +281,9 @@ def _rigid_rows(
         one, other = (base[[pair[side] for pair in geometry.pairs]] for side in (0, 1))
         square: Scalar = np.zeros((1, 1))
         for part in minus(on_table.position(one), on_table.position(other)):
-            square = a.add(SPOT, square, 1, a.multiply(SPOT, part, part))
+            square = done("add", square, done("mul", part, part))
         distances = np.array(geometry.distances)[None, :]
-        yield a.add(SPOT, a.function(SPOT, "sqrt", (square,)), -1, distances), np.arange(len(geometry.pairs))
+        yield done("sub", done("sqrt", square), distances), np.arange(len(geometry.pairs))
     if not geometry.further:
         return
     further = on_table.position(numbers[list(geometry.further)])
@@ -289,13 +291,13 @@ def _rigid_rows(
     if geometry.gamma.size:
         (p, q, r), (x, y, z) = minus(point(1), point(0)), minus(point(2), point(0))
         for axis, (c, d, e, f) in enumerate(((q, z, r, y), (r, x, p, z), (p, y, q, x))):
-            minor = a.add(SPOT, a.multiply(SPOT, c, d), -1, a.multiply(SPOT, e, f))
-            normal[axis] = a.multiply(SPOT, minor, geometry.gamma[None, :])
+            minor = done("sub", done("mul", c, d), done("mul", e, f))
+            normal[axis] = done("mul", minor, geometry.gamma[None, :])
     indices = len(geometry.pairs) + 3 * np.arange(len(geometry.further))
     for axis in range(3):
-        row = a.add(SPOT, further[axis], -1, normal[axis])
+        row = done("sub", further[axis], normal[axis])
         for j in range(len(geometry.base)):
-            row = a.add(SPOT, row, -1, a.multiply(SPOT, point(j)[axis], geometry.alpha[None, :, j]))
+            row = done("sub", row, done("mul", point(j)[axis], geometry.alpha[None, :, j]))
         yield row, indices + axis
 
 

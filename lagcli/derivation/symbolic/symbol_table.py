@@ -221,22 +221,19 @@ class _MemberAlgebra(notation.SympyAlgebra):
         self._table = table
         self.resolver = Resolver(table.names, self, there.indices, there.own)
 
-    def power(self, node: tree.Node, base: sympy.Expr, exponent: sympy.Expr) -> sympy.Expr:
-        if exponent == sympy.Rational(1, 2):
-            return self._table.root(base, None)
-        return super().power(node, base, exponent)
-
-    def function(self, node: tree.Node, name: str, arguments: tuple[sympy.Expr, ...]) -> sympy.Expr:
+    def operation(self, node: tree.Node, name: str, *parts: sympy.Expr) -> sympy.Expr:
+        if name == "pow" and parts[1] == sympy.Rational(1, 2):
+            return self._table.root(parts[0], None)
         if name in _JUMPING:
             self._table.calculus.has_jumps = True
         if name != "sqrt":
-            return super().function(node, name, arguments)
+            return super().operation(node, name, *parts)
         triple: Triple | None = None
         if isinstance(node, tree.Call) and node.function in ("norm", "distance"):
-            parts = [evaluate.vector(argument, self) for argument in node.arguments]
-            x, y, z = parts[0] if len(parts) == 1 else (u - w for u, w in zip(*parts, strict=True))
+            vectors = [evaluate.vector(argument, self) for argument in node.arguments]
+            x, y, z = vectors[0] if len(vectors) == 1 else (u - w for u, w in zip(*vectors, strict=True))
             triple = (x, y, z)
-        return self._table.root(arguments[0], triple)
+        return self._table.root(parts[0], triple)
 
     def constant(self, name: str) -> Value[sympy.Expr] | None:
         table = self._table

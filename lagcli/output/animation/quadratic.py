@@ -13,7 +13,6 @@ import numpy as np
 from lagcli import doubles
 from lagcli.arrays import Floats
 from lagcli.expression import evaluate, functions, tree
-from lagcli.expression.evaluate import Operators
 from lagcli.model import model as nouns
 from lagcli.model.family import Family, Integers
 from lagcli.model.resolve import ModelNames, Resolver
@@ -260,7 +259,7 @@ class PicturedRow:
         return isinstance(self.law, nouns.Inequality)
 
 
-class _QuadraticAlgebra(Operators):
+class _QuadraticAlgebra:
     """See `evaluate.Algebra`; what is not of the second degree is `OTHER`."""
 
     def __init__(self, resolver: Resolver[Quadratic]) -> None:
@@ -272,23 +271,25 @@ class _QuadraticAlgebra(Operators):
     def number(self, node: tree.Number) -> Quadratic:
         return of_number(float(node.text))
 
-    def power(self, node: tree.Node, base: Quadratic, exponent: Quadratic) -> Quadratic:
-        if not exponent.is_constant:
-            return OTHER
-        if base.is_constant:
-            return of_number(base.constant**exponent.constant)
-        if np.all(exponent.constant == 2.0):
-            return base * base
-        if np.all(exponent.constant == 1.0):
-            return base
-        return self.function(node, "sqrt", (base,)) if np.all(exponent.constant == 0.5) else OTHER
-
-    def function(self, node: tree.Node, name: str, arguments: tuple[Quadratic, ...]) -> Quadratic:
-        if all(argument.is_constant for argument in arguments):
-            values = [argument.constant for argument in arguments]
-            return of_number(functions.TABLE[name].array(*values))
-        if name == "sqrt" and arguments[0].is_polynomial:
-            return Quadratic(factor=np.float64(1.0), under=arguments[0])
+    def operation(self, node: tree.Node, name: str, *parts: Quadratic) -> Quadratic:
+        base, exponent = parts[0], parts[-1]
+        if name == "pow":
+            if not exponent.is_constant:
+                return OTHER
+            if base.is_constant:
+                return of_number(base.constant**exponent.constant)
+            if np.all(exponent.constant == 2.0):
+                return base * base
+            if np.all(exponent.constant == 1.0):
+                return base
+            return self.operation(node, "sqrt", base) if np.all(exponent.constant == 0.5) else OTHER
+        if name in functions.ARITHMETIC:
+            made: Quadratic = functions.ARITHMETIC[name](*parts)
+            return made
+        if all(part.is_constant for part in parts):
+            return of_number(functions.TABLE[name].array(*(part.constant for part in parts)))
+        if name == "sqrt" and base.is_polynomial:
+            return Quadratic(factor=np.float64(1.0), under=base)
         return OTHER
 
 

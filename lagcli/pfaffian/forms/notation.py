@@ -16,7 +16,7 @@ import sympy
 from sympy.printing.str import StrPrinter
 
 from lagcli.expression import functions, tree
-from lagcli.expression.evaluate import Operators, Value
+from lagcli.expression.evaluate import Value
 from lagcli.expression.functions import Function
 from lagcli.model import model as nouns
 from lagcli.model.resolve import Reference, Resolver
@@ -48,7 +48,7 @@ class TooLarge(Exception):
     """A value has more operations, digits or larger powers than exact algebra is tried on."""
 
 
-class SympyAlgebra(Operators):
+class SympyAlgebra:
     """SymPy scalars as an algebra for `expression.evaluate`; names are what a resolver says."""
 
     resolver: Resolver[sympy.Expr]
@@ -60,15 +60,14 @@ class SympyAlgebra(Operators):
             raise TooLarge("a number has too many digits")
         return sympy.Rational(node.text)
 
-    def power(self, node: tree.Node, base: sympy.Expr, exponent: sympy.Expr) -> sympy.Expr:
-        if _is_large(exponent):
-            raise TooLarge(f"the exponent {exponent} is too large")
-        if base.is_Rational and exponent.is_Rational and _is_long(base, abs(float(exponent))):
-            raise TooLarge("a number has too many digits")
-        return base**exponent
-
-    def function(self, node: tree.Node, name: str, arguments: tuple[sympy.Expr, ...]) -> sympy.Expr:
-        return FUNCTIONS[name](*arguments)
+    def operation(self, node: tree.Node, name: str, *parts: sympy.Expr) -> sympy.Expr:
+        if name == "pow":
+            base, exponent = parts
+            if _is_large(exponent):
+                raise TooLarge(f"the exponent {exponent} is too large")
+            if base.is_Rational and exponent.is_Rational and _is_long(base, abs(float(exponent))):
+                raise TooLarge("a number has too many digits")
+        return (functions.ARITHMETIC.get(name) or FUNCTIONS[name])(*parts)
 
     def atom(self, node: Reference) -> Value[sympy.Expr]:
         return self.resolver.atom(node)
