@@ -180,7 +180,7 @@ class _Laws:
         depend on other particles."""
         env, targets = self._env, force.action.targets
         r, v = env.position(targets), env.velocity(targets)
-        own: dict[str, Value] = {"m": taken(env.masses(), targets), "r": r, "v": v}
+        own: dict[str, Value] = {"m": taken(env.masses, targets), "r": r, "v": v}
         algebra = env.algebra(force.action.variables(force.members), own)
         parts = [column(part, targets.size) for part in env.vector(vector, algebra)]
         touched: dict[int, set[int]] = {}

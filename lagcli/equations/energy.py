@@ -9,7 +9,6 @@ import numpy as np
 
 from lagcli.arrays import Integers
 from lagcli.equations.environment import Environment, Triple, Value, column, interleaved, scattered, taken
-from lagcli.equations.symbols import FixedExponents
 from lagcli.frozen import frozen
 from lagcli.model import model as nouns
 
@@ -41,36 +40,34 @@ class Dynamics:
     carriers: Mapping[str, frozenset[int]]
 
 
-def dynamics(model: nouns.Model, environment: Environment, fixed: FixedExponents) -> Dynamics:
+def dynamics(model: nouns.Model, environment: Environment) -> Dynamics:
     """The dynamics of a model without its constraints."""
     s = environment.symbols
-    masses = environment.masses()
-    forces = _Forces(model.forces, environment, masses)
-    V = forces.potential()
+    V = _potential(model.forces, environment)
     T_cartesian = T_dependent = ca.SX(0)
     if environment.cartesian.size:
         square = sum(part * part for part in environment.velocity(environment.cartesian))
-        T_cartesian = ca.dot(taken(masses, environment.cartesian) / 2, square)
+        T_cartesian = ca.dot(taken(environment.masses, environment.cartesian) / 2, square)
     if environment.dependent.size:
         square = sum(part * part for part in environment.velocity(environment.dependent))
-        T_dependent = ca.dot(taken(masses, environment.dependent) / 2, square)
+        T_dependent = ca.dot(taken(environment.masses, environment.dependent) / 2, square)
     extra = environment.scalar(model.lagrangian) if model.lagrangian is not None else ca.SX(0)
     # L = T + extra - V. Its Cartesian part is linear algebra known beforehand; the rest goes through AD.
     general = T_dependent + extra
     momentum = ca.gradient(general, s.v)
     # The masses on the diagonal of M, structurally zero at generalized coordinates.
-    own = taken(masses, environment.cartesian)
+    own = taken(environment.masses, environment.cartesian)
     generalized = s.q.numel() - 3 * environment.cartesian.size
     diagonal = ca.vertcat(interleaved([own, own, own], environment.cartesian.size), ca.SX(generalized, 1))
     M = ca.diag(diagonal) + ca.jacobian(momentum, s.v)
-    Q = forces.generalized()
+    Q = _generalized(model.forces, environment)
     inertial = ca.jtimes(momentum, s.q, s.v) + ca.jacobian(momentum, s.t)
     h = Q + ca.gradient(general - V, s.q) - inertial
     extra_energy = ca.dot(s.v, ca.gradient(extra, s.v)) - extra
     explicit_time = ca.jacobian(general - V, s.t)
     applied, carriers = ca.SX(0, 1), dict[str, frozenset[int]]()
     if environment.dependent.size:
-        applied, carriers = _of_free_particles(model, environment, fixed)
+        applied, carriers = _of_free_particles(model, environment)
     return Dynamics(
         M=ca.sparsify(M),
         h=ca.densify(h),
@@ -88,89 +85,80 @@ def dynamics(model: nouns.Model, environment: Environment, fixed: FixedExponents
 
 def generalized(force: nouns.Force, environment: Environment) -> ca.SX:
     """Q_j (n,) of one of the forces that a model declares (D.30)."""
-    alone = _Forces((force,), environment, environment.masses())
-    return ca.densify(alone.generalized() - ca.gradient(alone.potential(), environment.symbols.q))
+    V = _potential((force,), environment)
+    return ca.densify(_generalized((force,), environment) - ca.gradient(V, environment.symbols.q))
 
 
-class _Forces:
-    """Some forces of a model over an environment, each evaluated over all pairs of a target and what acts on it."""
-
-    def __init__(self, forces: Sequence[nouns.Force], environment: Environment, masses: ca.SX) -> None:
-        self._forces, self._environment, self._masses = forces, environment, masses
-
-    def on_particles(self, constant: bool) -> Iterator[tuple[Integers, Triple]]:
-        """Particles (P,) with the forces declared on them, those that count as potentials or the others."""
-        environment = self._environment
-        for force in self._forces:
-            if isinstance(force, nouns.ParticleForce) and force.constant == constant:
-                targets = force.action.targets
-                if targets.size == 0:
-                    continue
-                own: dict[str, Value] = {
-                    "m": taken(self._masses, targets),
-                    "r": environment.position(targets),
-                    "v": environment.velocity(targets),
-                }
-                algebra = environment.algebra(force.action.variables(force.members), own)
-                x, y, z = (column(part, targets.size) for part in environment.vector(force.force, algebra))
-                yield targets, (x, y, z)
-
-    def potential(self) -> ca.SX:
-        """V: declared potentials, and -F.r of every constant force."""
-        V = ca.SX(0)
-        for force in self._forces:
-            if isinstance(force, nouns.Potential) and force.members.count:
-                algebra = self._environment.algebra(force.members.variables)
-                value = self._environment.scalar(force.expression, algebra)
-                V += ca.sum1(column(value, force.members.count))
-        for targets, F in self.on_particles(constant=True):
-            r = self._environment.position(targets)
-            V -= sum(ca.dot(a, x) for a, x in zip(F, r, strict=True))
-        return V
-
-    def generalized(self) -> ca.SX:
-        """Q_j = sum_k F_k . dr_k/dq_j (D.30) of all forces without a potential."""
-        environment, n = self._environment, self._environment.symbols.q.numel()
-        Q = ca.SX.zeros(n)
-        for targets, F in self.on_particles(constant=False):
-            dependent = environment.is_dependent[targets]
-            if dependent.any():
-                pairs = np.flatnonzero(dependent)
-                r = ca.vertcat(*environment.position(targets[pairs]))
-                F_pairs = ca.vertcat(*(taken(part, pairs) for part in F))
-                Q += ca.jtimes(r, environment.symbols.q, F_pairs, True)
-            pairs = np.flatnonzero(~dependent)
-            rows = environment.rows_of(targets[pairs])
-            for axis in range(3):
-                Q += scattered(taken(F[axis], pairs), rows + axis, n)
-        for force in self._forces:
-            if isinstance(force, nouns.GeneralizedForce) and force.action.targets.size:
-                targets = force.action.targets
-                algebra = environment.algebra(force.action.variables(force.members))
-                value = column(environment.scalar(force.force, algebra), targets.size)
-                Q += scattered(value, environment.first_generalized + targets, n)
-        return Q
+def _on_particles(
+    forces: Sequence[nouns.Force], environment: Environment, constant: bool
+) -> Iterator[tuple[Integers, Triple]]:
+    """Particles (P,) with the forces declared on them, those that count as potentials or the others; each is evaluated
+    over all pairs of a target and what acts on it."""
+    for force in forces:
+        if not isinstance(force, nouns.ParticleForce) or force.constant != constant:
+            continue
+        targets = force.action.targets
+        if targets.size == 0:
+            continue
+        own: dict[str, Value] = {
+            "m": taken(environment.masses, targets),
+            "r": environment.position(targets),
+            "v": environment.velocity(targets),
+        }
+        algebra = environment.algebra(force.action.variables(force.members), own)
+        x, y, z = (column(part, targets.size) for part in environment.vector(force.force, algebra))
+        yield targets, (x, y, z)
 
 
-def _of_free_particles(
-    model: nouns.Model, true: Environment, fixed: FixedExponents
-) -> tuple[ca.SX, dict[str, frozenset[int]]]:
+def _potential(forces: Sequence[nouns.Force], environment: Environment) -> ca.SX:
+    """V: declared potentials, and -F.r of every constant force."""
+    V = ca.SX(0)
+    for force in forces:
+        if isinstance(force, nouns.Potential) and force.members.count:
+            value = environment.scalar(force.expression, environment.algebra(force.members.variables))
+            V += ca.sum1(column(value, force.members.count))
+    for targets, F in _on_particles(forces, environment, constant=True):
+        r = environment.position(targets)
+        V -= sum(ca.dot(a, x) for a, x in zip(F, r, strict=True))
+    return V
+
+
+def _generalized(forces: Sequence[nouns.Force], environment: Environment) -> ca.SX:
+    """Q_j = sum_k F_k . dr_k/dq_j (D.30) of all forces without a potential."""
+    n = environment.symbols.q.numel()
+    Q = ca.SX.zeros(n)
+    for targets, F in _on_particles(forces, environment, constant=False):
+        dependent = environment.is_dependent[targets]
+        if dependent.any():
+            pairs = np.flatnonzero(dependent)
+            r = ca.vertcat(*environment.position(targets[pairs]))
+            F_pairs = ca.vertcat(*(taken(part, pairs) for part in F))
+            Q += ca.jtimes(r, environment.symbols.q, F_pairs, True)
+        pairs = np.flatnonzero(~dependent)
+        rows = environment.rows_of(targets[pairs])
+        for axis in range(3):
+            Q += scattered(taken(F[axis], pairs), rows + axis, n)
+    for force in forces:
+        if isinstance(force, nouns.GeneralizedForce) and force.action.targets.size:
+            targets = force.action.targets
+            algebra = environment.algebra(force.action.variables(force.members))
+            value = column(environment.scalar(force.force, algebra), targets.size)
+            Q += scattered(value, environment.first_generalized + targets, n)
+    return Q
+
+
+def _of_free_particles(model: nouns.Model, true: Environment) -> tuple[ca.SX, dict[str, frozenset[int]]]:
     """`Dynamics.applied` and `carriers`, where the dependent particles are taken as free."""
     count, s = true.dependent.size, true.symbols
-    r, v = ([ca.SX.sym(f"{word} {axis}", count) for axis in "xyz"] for word in "rv")
-    environment = Environment(model, s, fixed, ((r[0], r[1], r[2]), (v[0], v[1], v[2])))
-    forces = _Forces(model.forces, environment, environment.masses())
+    environment, r, v = true.freed()
     index = np.cumsum(environment.is_dependent) - 1
     F_sum = ca.SX.zeros(3 * count)
-    for targets, F in forces.on_particles(constant=False):
+    for targets, F in _on_particles(model.forces, environment, constant=False):
         pairs = np.flatnonzero(environment.is_dependent[targets])
         for axis in range(3):
             rows = axis * count + index[targets[pairs]]
             F_sum += scattered(taken(F[axis], pairs), rows, 3 * count)
-    applied = F_sum - ca.gradient(forces.potential(), ca.vertcat(*r))
-    values = [ca.vertcat(*part) for part in (true.position(true.dependent), true.velocity(true.dependent))]
-    symbols = [ca.vertcat(*r), ca.vertcat(*v)]
-    applied = ca.substitute([applied], symbols, [ca.densify(value) for value in values])[0]
+    applied = true.bound(F_sum - ca.gradient(_potential(model.forces, environment), r), r, v)
     carriers: dict[str, frozenset[int]] = {}
     nothing = frozenset[int]()
     for force in model.forces:

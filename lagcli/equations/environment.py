@@ -4,6 +4,7 @@ of its members."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -145,6 +146,20 @@ class Environment:
                 position = self.vector(particle.position, algebra)
                 self._positions.fill(numbers, tuple(column(part, numbers.size) for part in position))
 
+    def freed(self) -> tuple[Environment, ca.SX, ca.SX]:
+        """The environment in which the dependent particles are free, with their r and v (3 D,), x of all before y."""
+        count = self.dependent.size
+        r, v = (ca.SX.sym(f"{word} free", 3 * count) for word in "rv")
+        (x, y, z), (vx, vy, vz) = ca.vertsplit(r, count), ca.vertsplit(v, count)
+        free = Environment(self._model, self.symbols, self._fixed, ((x, y, z), (vx, vy, vz)))
+        return free, r, v
+
+    def bound(self, value: ca.SX, r: ca.SX, v: ca.SX) -> ca.SX:
+        """An expression of the symbols of `freed`, with positions and velocities in their place."""
+        own = [ca.vertcat(*self.position(self.dependent)), ca.vertcat(*self.velocity(self.dependent))]
+        found: ca.SX = ca.substitute([value], [r, v], own)[0]
+        return found
+
     def rows_of(self, numbers: Integers) -> Integers:
         """The indices of x of Cartesian particles in q and v."""
         return 3 * self._rank[numbers]
@@ -166,11 +181,6 @@ class Environment:
         value: ca.SX = evaluate.scalar(expression.tree, algebra or self._plain)
         return value
 
-    def either(self, expression: nouns.Expression, algebra: SymbolicAlgebra | None = None) -> list[ca.SX]:
-        """SX of a scalar or vector expression, as one or three."""
-        value = evaluate.value(expression.tree, algebra or self._plain)
-        return list(value) if isinstance(value, tuple) else [value]
-
     def vector(self, vector: nouns.VectorExpression, algebra: SymbolicAlgebra | None = None) -> Triple:
         used = algebra or self._plain
         if len(vector.parts) == 1:
@@ -183,6 +193,7 @@ class Environment:
         parts = evaluate.difference(law.equation.tree, self.algebra(law.members.variables))
         return interleaved(parts, law.members.count)
 
+    @cached_property
     def masses(self) -> ca.SX:
         """m of all particles, (N, 1)."""
         values = [

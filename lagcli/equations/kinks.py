@@ -55,10 +55,14 @@ class Kinks:
         with np.errstate(divide="ignore", invalid="ignore"):
             np.fmin.at(sizes, columns, np.maximum(terms, flattest)[numbers] / steep)
         way = np.random.default_rng(0).standard_normal(q.size) * sizes
-        here = self._slopes(t, q, p)
+
+        def slopes(q: Floats) -> Floats:
+            return np.array(self.slopes(t, q, p)).reshape(len(self.rows), -1)
+
+        here = slopes(q)
         # What draws near as the distance shrinks is no jump.
         near, far = (
-            np.abs(self._slopes(t, q + h * way, p) - self._slopes(t, q - h * way, p)).max(axis=1, initial=0.0)
+            np.abs(slopes(q + h * way) - slopes(q - h * way)).max(axis=1, initial=0.0)
             for h in (doubles.ZERO, doubles.STEP)
         )
         least = doubles.ROOT * (np.abs(here).max(axis=1, initial=0.0) + far)
@@ -75,9 +79,6 @@ class Kinks:
             )
             hint = "start clear of that point, or state the branch that is meant as an equation without the switch"
             raise diagnostics.error("kink-at-start", message, row.location, hint)
-
-    def _slopes(self, t: float, q: Floats, p: Floats) -> Floats:
-        return np.array(self.slopes(t, q, p)).reshape(len(self.rows), -1)
 
 
 def find(s: Symbols, p: ca.SX, equalities: ConstraintRows) -> Kinks | None:

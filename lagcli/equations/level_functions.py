@@ -67,17 +67,12 @@ def charts(system: System, written: Sequence[invariant.LevelFunction]) -> Charts
     def unknown(node: tree.Name | tree.Call, *_: object) -> NoReturn:
         raise UnknownName(node.name if isinstance(node, tree.Name) else node.function)
 
-    algebra = SymbolicAlgebra(atom, unknown, fixed)
-
-    def scalar(text: str) -> ca.SX:
-        value: ca.SX = evaluate.scalar(parser.parse(text), algebra)
-        return value
-
-    found = tuple(
-        LevelExpression(scalar(c.above), scalar(c.below), None if c.period is None else scalar(c.period))
-        for c in written
-    )
-    return Charts(found, fixed.used())
+    algebra, found = SymbolicAlgebra(atom, unknown, fixed), []
+    for chart in written:
+        texts = (chart.above, chart.below, chart.period or "0")
+        above, below, period = (evaluate.scalar(parser.parse(text), algebra) for text in texts)
+        found.append(LevelExpression(above, below, None if chart.period is None else period))
+    return Charts(tuple(found), fixed.used())
 
 
 def value(system: System, expression: nouns.Expression) -> ca.SX:
@@ -87,14 +82,11 @@ def value(system: System, expression: nouns.Expression) -> ca.SX:
     return environment.scalar(expression)
 
 
-def events_have_time(system: System) -> bool:
-    """True if t occurs in a declared event."""
-    return bool(ca.depends_on(ca.densify(system.event_values), system.symbols.t))
-
-
-def has_time(system: System, chart: LevelExpression) -> bool:
-    """True if t occurs in a chart."""
-    return any(ca.depends_on(ca.SX(each), system.symbols.t) for each in (chart.above, chart.below))
+def have_time(system: System, charts: Sequence[LevelExpression]) -> bool:
+    """True if t occurs in one of some charts, or in a declared event."""
+    values = [ca.densify(system.event_values)]
+    values += [ca.densify(part) for chart in charts for part in (chart.above, chart.below)]
+    return bool(ca.depends_on(ca.vertcat(*values), system.symbols.t))
 
 
 def compiled(system: System, charts: Sequence[LevelExpression]) -> ca.Function:

@@ -33,20 +33,18 @@ SQUARES = frozenset({ca.OP_SQ, ca.OP_FABS, ca.OP_SQRT})
 KEEPING = frozenset({ca.OP_ASSIGN, ca.OP_ADD, ca.OP_MUL, ca.OP_TWICE, ca.OP_FMIN, ca.OP_FMAX})
 
 
-def term_sizes(value: ca.SX, inputs: Sequence[ca.SX]) -> ca.SX:
-    """The sizes of the terms of a column (k, 1) of the `inputs`, (k, 1), no smaller than its absolute values."""
-    return _sizes(value, inputs, ca.fabs)
-
-
 def roundings(value: ca.SX, inputs: Sequence[ca.SX]) -> ca.SX:
     """By how many units of rounding a column (k, 1) of the `inputs` may be off, (k, 1), where these are exact."""
-    return _sizes(value, inputs, lambda x: ca.SX(0))
+    return term_sizes(value, inputs, are_exact=True)
 
 
-def _sizes(value: ca.SX, inputs: Sequence[ca.SX], of_leaf: Callable[[ca.SX], ca.SX]) -> ca.SX:
+def term_sizes(value: ca.SX, inputs: Sequence[ca.SX], are_exact: bool = False) -> ca.SX:
+    """The sizes of the terms of a column (k, 1) of the `inputs`, (k, 1), no smaller than its absolute values;
+    are_exact: inputs and numbers count as none."""
+
     def leaf(number: int | None, value: float) -> Sized:
         x = ca.SX(value) if number is None else inputs[number][int(value)]
-        return x, of_leaf(x)
+        return x, ca.SX(0) if are_exact else ca.fabs(x)
 
     def look(op: int, parts: list[Sized], expression: operation_graph.Expression) -> Sized:
         made, rule = expression(), _RULES.get(op)

@@ -10,7 +10,6 @@ is not determined: that is refused.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -20,9 +19,9 @@ import numpy.typing as npt
 from lagcli.arrays import Integers
 from lagcli.equations import energy, environment, rows
 from lagcli.equations.environment import Columns, Environment, Triple, Value
-from lagcli.equations.symbols import FixedExponents, SymbolicAlgebra
+from lagcli.equations.symbols import SymbolicAlgebra
 from lagcli.errors import diagnostics
-from lagcli.expression import tree
+from lagcli.expression import evaluate, tree
 from lagcli.expression.tree import ExpressionError
 from lagcli.frozen import frozen
 from lagcli.model import model as nouns
@@ -49,96 +48,9 @@ def entries(matrix: ca.SX, row: Integers, column: Integers) -> ca.SX:
     return values
 
 
-class DependentForces:
-    """Gradients of constraints along dependent particles, each law differentiated when it is first asked for."""
-
-    def __init__(
-        self,
-        model: nouns.Model,
-        env: Environment,
-        bodies: Sequence[Geometry],
-        constants: Sequence[ca.SX],
-    ) -> None:
-        self._model, self._environment = model, env
-        self._bodies = dict(
-            zip((b.name for b in model.rigid), zip(bodies, constants, strict=True), strict=True)
-        )
-        self._known: dict[str, tuple[dict[str, int], ca.SX]] = {}
-
-    def gradients(self, numbers: Integers, wanted: Sequence[rows.Row], node: tree.Reference) -> Triple:
-        """df_i/dr_k of rows and dependent particles (K,). Raises `ExpressionError` where that is not determined."""
-        env, base = self._environment, node.owner
-        if base not in self._known:
-            self._known[base] = self._gradient(base)
-        (known, B), count = self._known[base], env.dependent.size
-        rank = np.searchsorted(env.dependent, numbers)
-        row = np.array([known[one.name] for one in wanted], dtype=np.int64)
-        named: Truths = np.any(_pattern(B).reshape(-1, 3, count), axis=1)
-        unnamed = np.flatnonzero(~named[row, rank])
-        coordinates = named
-        if unnamed.size:
-            # A coordinate enters a row of a law by its differential, (rows, n).
-            s = env.symbols
-            way = s.v if self._is_differential(base) else s.q
-            coordinates = _pattern(ca.jacobian(self._values(base, env), way))
-        for i, k in zip(row[unnamed].tolist(), rank[unnamed].tolist(), strict=True):
-            if (coordinates[i] & self._moving[k]).any():
-                particle = env.particles.names[int(env.dependent[k])]
-                message = (
-                    f"`{base}` acts on coordinates that move `{particle}` but does not name `{particle}`: which part"
-                    " of its force falls to this particle is not determined"
-                )
-                hint = f"write the constraint with `{particle}.x`, `{particle}.y`, `{particle}.z`, or record"
-                hint += f" `multiplier({base})`"
-                raise ExpressionError("share-not-determined", message, node.start, node.end, hint)
-        x, y, z = (entries(B, row, rank + axis * count) for axis in range(3))
-        return x, y, z
-
-    @cached_property
-    def _moving(self) -> Truths:
-        """True where a coordinate moves a dependent particle, (D, n)."""
-        env = self._environment
-        parts = [_pattern(ca.jacobian(part, env.symbols.q)) for part in env.position(env.dependent)]
-        return np.asarray(parts[0] | parts[1] | parts[2])
-
-    def _gradient(self, base: str) -> tuple[dict[str, int], ca.SX]:
-        """The rows of a law by their names, and df/dr by the dependent particles, (rows, 3 D), x of all before y, z."""
-        env, s = self._environment, self._environment.symbols
-        count = env.dependent.size
-        r, v = ca.SX.sym("r free", 3 * count), ca.SX.sym("v free", 3 * count)
-        free = Environment(self._model, s, FixedExponents(self._model), (_triple(r), _triple(v)))
-        values = self._values(base, free)
-        B = ca.jacobian(values, v if self._is_differential(base) else r)
-        true = [ca.vertcat(*env.position(env.dependent)), ca.vertcat(*env.velocity(env.dependent))]
-        names = [name for law in self._laws(base) for name in law.rows]
-        if base in self._bodies:
-            names = [f"{base}.{i}" for i in range(1, values.numel() + 1)]
-        return {name: i for i, name in enumerate(names)}, ca.substitute([B], [r, v], true)[0]
-
-    def _laws(self, base: str) -> list[nouns.Law]:
-        return [law for law in self._model.laws if law.members.base == base and law.members.count]
-
-    def _is_differential(self, base: str) -> bool:
-        return any(law.members.base == base for law in self._model.differential)
-
-    def _values(self, base: str, env: Environment) -> ca.SX:
-        if base in self._bodies:
-            body = next(body for body in self._model.rigid if body.name == base)
-            geometry, constants = self._bodies[base]
-            return rows.of_body(body, env, geometry, ca.vertsplit(constants))
-        return ca.vertcat(*(env.equation(law) for law in self._laws(base)))
-
-
-def _triple(column: ca.SX) -> Triple:
-    """A column (3 K, 1) as three of K."""
-    x, y, z = ca.vertsplit(column, column.numel() // 3)
-    return x, y, z
-
-
 def _pattern(matrix: ca.SX) -> Truths:
     found = np.zeros(matrix.shape, dtype=bool)
-    rows_, columns_ = matrix.sparsity().get_triplet()
-    found[rows_, columns_] = True
+    found[matrix.sparsity().get_triplet()] = True
     return found
 
 
@@ -154,30 +66,30 @@ class SolvedValues:
 
 
 class OutputValues:
-    """The values of `multiplier`, `reaction`, accelerations, `kinetic`, `potential` and earlier outputs."""
+    """The values of `multiplier`, `reaction`, accelerations, `kinetic`, `potential` and earlier outputs. bodies: the
+    rigid ones by their names, with their constants."""
 
     def __init__(
         self,
+        model: nouns.Model,
         env: Environment,
         dynamics: energy.Dynamics,
         solved: SolvedValues,
-        forces: DependentForces,
+        bodies: Mapping[str, tuple[nouns.RigidBody, Geometry, ca.SX]],
     ) -> None:
-        self._environment, self._solved, self._forces = env, solved, forces
+        self._model, self._environment, self._solved, self._bodies = model, env, solved, bodies
         self._energies = {"kinetic": dynamics.kinetic, "potential": dynamics.potential}
         self._rows = {row.name: i for i, row in enumerate(solved.rows.rows)}
         self._of_constraint: dict[str, list[int]] = {}
         for i, row in enumerate(solved.rows.rows):
             self._of_constraint.setdefault(row.constraint, []).append(i)
-        self._member_index = MemberIndex()
-        self._outputs = Columns(0)
-
-    def number(self, outputs: Sequence[nouns.Output]) -> None:
-        """Number the outputs, which are kept one after another."""
-        self._member_index = MemberIndex([output.members for output in outputs])
+        # Of a law the numbers of its rows by their names, and their gradients; it is differentiated once.
+        self._gradients: dict[str, tuple[dict[str, int], ca.SX]] = {}
+        self._member_index = MemberIndex([output.members for output in model.outputs])
         self._outputs = Columns(len(self._member_index))
 
     def store(self, entry: int, count: int, parts: Sequence[ca.SX]) -> None:
+        """Keep the values of an output, which those after it may read."""
         values = tuple(environment.column(part, count) for part in parts)
         self._outputs.fill(np.arange(count) + self._member_index.first(entry), values)
 
@@ -237,10 +149,54 @@ class OutputValues:
         dependent = np.flatnonzero(env.is_dependent[acted])
         if dependent.size:
             declared = [self._solved.rows.rows[i] for i in row[dependent].tolist()]
-            gradients.fill(dependent, self._forces.gradients(acted[dependent], declared, law))
+            gradients.fill(dependent, self._on_dependent(acted[dependent], declared, law))
         lam = environment.taken(self._solved.lam, row)
         every = gradients.vectors(np.arange(acted.size))
         x, y, z = (environment.scattered(lam * part, member, count) for part in every)
+        return x, y, z
+
+    def _on_dependent(self, numbers: Integers, wanted: Sequence[rows.Row], node: Reference) -> Triple:
+        """df_i/dr_k of rows and dependent particles (K,). Raises `ExpressionError` where that is not determined."""
+        env, base = self._environment, node.owner
+        s, count = env.symbols, env.dependent.size
+        laws = [law for law in self._model.laws if law.members.base == base and law.members.count]
+        is_differential = any(isinstance(law, nouns.Differential) for law in laws)
+
+        def values(over: Environment) -> ca.SX:
+            if base in self._bodies:
+                body, geometry, constants = self._bodies[base]
+                return rows.of_body(body, over, geometry, ca.vertsplit(constants))
+            return ca.vertcat(*(over.equation(law) for law in laws))
+
+        if base not in self._gradients:
+            # By the dependent particles as if they were free, (rows, 3 D), x of all before y, z.
+            free, r, v = env.freed()
+            f = values(free)
+            B = ca.jacobian(f, v if is_differential else r)
+            names = [name for law in laws for name in law.rows]
+            names = names or [f"{base}.{i}" for i in range(1, f.numel() + 1)]
+            self._gradients[base] = {name: i for i, name in enumerate(names)}, env.bound(B, r, v)
+        known, B = self._gradients[base]
+        rank = np.searchsorted(env.dependent, numbers)
+        row = np.array([known[one.name] for one in wanted], dtype=np.int64)
+        named: Truths = np.any(_pattern(B).reshape(-1, 3, count), axis=1)
+        unnamed = np.flatnonzero(~named[row, rank])
+        if unnamed.size:
+            # A coordinate enters a row of a law by its differential, (rows, n), and moves a particle, (D, n).
+            coordinates = _pattern(ca.jacobian(values(env), s.v if is_differential else s.q))
+            parts = [_pattern(ca.jacobian(part, s.q)) for part in env.position(env.dependent)]
+            moving = parts[0] | parts[1] | parts[2]
+        for i, k in zip(row[unnamed].tolist(), rank[unnamed].tolist(), strict=True):
+            if (coordinates[i] & moving[k]).any():
+                particle = env.particles.names[int(env.dependent[k])]
+                message = (
+                    f"`{base}` acts on coordinates that move `{particle}` but does not name `{particle}`: which part"
+                    " of its force falls to this particle is not determined"
+                )
+                hint = f"write the constraint with `{particle}.x`, `{particle}.y`, `{particle}.z`, or record"
+                hint += f" `multiplier({base})`"
+                raise ExpressionError("share-not-determined", message, node.start, node.end, hint)
+        x, y, z = (entries(B, row, rank + axis * count) for axis in range(3))
         return x, y, z
 
     def _lam_of(self, node: Reference, names: list[str]) -> ca.SX:
@@ -259,19 +215,20 @@ class OutputValues:
 def outputs(model: nouns.Model, env: Environment, named: OutputValues) -> ca.SX:
     """All outputs, flattened. Raises `diagnostics.ModelError` for a row that does not exist."""
     values: list[ca.SX] = []
-    named.number(model.outputs)
     for entry, output in enumerate(model.outputs):
         if not output.members.count:
             continue
-        parts = _located(output.expression, env, env.algebra(output.members.variables, results=named))
+        parts = _located(output.expression, env.algebra(output.members.variables, results=named))
         named.store(entry, output.members.count, parts)
         values.append(environment.interleaved(parts, output.members.count))
     return ca.densify(ca.vertcat(*values)) if values else ca.SX(0, 1)
 
 
-def _located(expression: nouns.Expression, env: Environment, algebra: SymbolicAlgebra) -> list[ca.SX]:
+def _located(expression: nouns.Expression, algebra: SymbolicAlgebra) -> list[ca.SX]:
+    """The SX of a scalar, or three of a vector; errors have their location."""
     try:
-        return env.either(expression, algebra)
+        value = evaluate.value(expression.tree, algebra)
+        return list(value) if isinstance(value, tuple) else [value]
     except ExpressionError as error:
         location = expression.origin.locate(error.start, error.end)
         raise diagnostics.error(error.code, error.message, location, error.hint) from None
@@ -279,5 +236,5 @@ def _located(expression: nouns.Expression, env: Environment, algebra: SymbolicAl
 
 def events(model: nouns.Model, env: Environment, named: OutputValues) -> ca.SX:
     """`when` of all declared events, (E,); they may read outputs. Raises as `outputs`, which comes before."""
-    values = [_located(event.when, env, env.algebra(results=named))[0] for event in model.events]
+    values = [_located(event.when, env.algebra(results=named))[0] for event in model.events]
     return ca.densify(ca.vertcat(*values)) if values else ca.SX(0, 1)

@@ -74,7 +74,7 @@ def build(built: system.System, particle_model: nouns.Model) -> system.System:
         old, new = [built.symbols.t, built.symbols.q, built.symbols.p], [env.t, q, env.symbols.p]
         x = ca.substitute([built.r[indices]], old, new)[0]
         block = family_rows.holonomic(ca.densify(r[indices] - x), env)
-        masses = ca.repmat(environment.column(environment.taken(env.masses(), numbers), numbers.size).T, 3, 1)
+        masses = ca.repmat(environment.column(environment.taken(env.masses, numbers), numbers.size).T, 3, 1)
         weighted = ca.mtimes(block.B.T, ca.diag(ca.vec(masses)))
         augmented = dataclasses.replace(
             dynamics,

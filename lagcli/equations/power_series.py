@@ -27,6 +27,7 @@ class PowerSeries(NamedTuple):
 
     @property
     def known(self) -> int:
+        """The number of coefficients."""
         return int(self.c.size)
 
 
@@ -155,14 +156,6 @@ def product(a: PowerSeries, b: PowerSeries) -> PowerSeries:
     return PowerSeries(np.convolve(c, b.c[:n])[:n], size)
 
 
-def _made(n: int, coefficient: Callable[[int, Floats, Floats], tuple[float, float]]) -> PowerSeries:
-    """A series, coefficient by coefficient: k, coefficients and sizes before it -> the next."""
-    c, size = np.zeros(n), np.zeros(n)
-    for k in range(n):
-        c[k], size[k] = coefficient(k, c, size)
-    return PowerSeries(c, size)
-
-
 def _quotient(a: PowerSeries, b: PowerSeries) -> PowerSeries:
     n = min(a.known, b.known)
     if not n or b.c[0] == 0.0:
@@ -183,45 +176,42 @@ def _divided(a: Floats, b: Floats) -> Floats:
 def _root(a: PowerSeries) -> PowerSeries:
     if not a.known or not a.c[0] > 0.0:
         return constant(0.0, a.known) if not a.size.any() else NOTHING
-
-    def coefficient(k: int, c: Floats, size: Floats) -> tuple[float, float]:
-        if k == 0:
-            return float(np.sqrt(a.c[0])), float(a.size[0] / np.sqrt(a.c[0]))
+    c, size = np.zeros(a.known), np.zeros(a.known)
+    c[0], size[0] = np.sqrt(a.c[0]), a.size[0] / np.sqrt(a.c[0])
+    for k in range(1, a.known):
         inner, divisor = slice(1, k), 2 * float(c[0])
-        value = (a.c[k] - c[inner] @ c[inner][::-1]) / divisor
-        return value, (a.size[k] + size[inner] @ size[inner][::-1] + abs(value) * size[0]) / divisor
-
-    return _made(a.known, coefficient)
+        c[k] = (a.c[k] - c[inner] @ c[inner][::-1]) / divisor
+        size[k] = (a.size[k] + size[inner] @ size[inner][::-1] + abs(c[k]) * size[0]) / divisor
+    return PowerSeries(c, size)
 
 
 def _exponential(a: PowerSeries) -> PowerSeries:
-    def coefficient(k: int, c: Floats, size: Floats) -> tuple[float, float]:
-        if k == 0:
-            value = float(np.exp(a.c[0]))
-            return value, value * (1.0 + float(a.size[0]))
+    c, size = np.zeros(a.known), np.zeros(a.known)
+    c[:1] = np.exp(a.c[:1])
+    size[:1] = c[:1] * (1.0 + a.size[:1])
+    for k in range(1, a.known):
         weights = np.arange(1, k + 1) / k
         slope, rounding = weights * a.c[1 : k + 1], weights * a.size[1 : k + 1]
         before, sizes = c[:k][::-1], size[:k][::-1]
-        return float(slope @ before), float(np.abs(slope) @ sizes + rounding @ np.abs(before))
-
-    return _made(a.known, coefficient)
+        c[k], size[k] = slope @ before, np.abs(slope) @ sizes + rounding @ np.abs(before)
+    return PowerSeries(c, size)
 
 
 def _wave(a: PowerSeries, is_hyperbolic: bool = False) -> tuple[PowerSeries, PowerSeries]:
     """sin and cos, or sinh and cosh, of a series."""
     n = a.known
+    if not n:
+        return NOTHING, NOTHING
     # The sign is that of the second derivative.
     of, other, sign = (np.sinh, np.cosh, 1.0) if is_hyperbolic else (np.sin, np.cos, -1.0)
     c, size = np.zeros((2, n)), np.zeros((2, n))
-    for k in range(n):
-        if k == 0:
-            c[:, 0] = of(a.c[0]), other(a.c[0])
-            if sign < 0:  # the rounding of a large angle is that of its size
-                size[:, 0] = np.maximum(np.minimum(1.0, a.size[0]), a.size[0] * np.abs(c[::-1, 0]))
-            else:
-                size[:, 0] = np.abs(c[:, 0]) + a.size[0] * c[1, 0]
-            size[1, 0] = max(size[1, 0], abs(c[1, 0]))
-            continue
+    c[:, 0] = of(a.c[0]), other(a.c[0])
+    if sign < 0:  # the rounding of a large angle is that of its size
+        size[:, 0] = np.maximum(np.minimum(1.0, a.size[0]), a.size[0] * np.abs(c[::-1, 0]))
+    else:
+        size[:, 0] = np.abs(c[:, 0]) + a.size[0] * c[1, 0]
+    size[1, 0] = max(size[1, 0], abs(c[1, 0]))
+    for k in range(1, n):
         weights = np.arange(1, k + 1) / k
         u, sizes = weights * a.c[1 : k + 1], weights * a.size[1 : k + 1]
         c[:, k] = u @ c[1, :k][::-1], sign * (u @ c[0, :k][::-1])
@@ -243,17 +233,13 @@ def _integral(rate: PowerSeries, value: float, argument: PowerSeries) -> PowerSe
     return PowerSeries(c, np.concatenate([[size], slope.size / steps[:m]]))
 
 
-def _square(a: PowerSeries) -> PowerSeries:
-    return product(a, a)
-
-
 def _inverse(a: PowerSeries) -> PowerSeries:
     return _quotient(constant(1.0, a.known), a)
 
 
 def _arc(a: PowerSeries, sign: float) -> PowerSeries:
     """asin with the sign 1, acos with -1."""
-    under = _shifted(_scaled(_square(a), -1.0), 1.0)
+    under = _shifted(_scaled(product(a, a), -1.0), 1.0)
     value = np.arcsin(a.c[0]) if sign > 0 else np.arccos(a.c[0])
     return _integral(_scaled(_inverse(_root(under)), sign), float(value), a)
 
@@ -280,7 +266,7 @@ def _tanh(a: PowerSeries) -> PowerSeries:
     made = constant(float(np.tanh(a.c[0])), 1)
     for k in range(1, a.known):
         # Each turn knows one coefficient more of 1 - tanh^2.
-        rate = _shifted(_scaled(_square(made), -1.0), 1.0)
+        rate = _shifted(_scaled(product(made, made), -1.0), 1.0)
         made = _integral(rate, float(made.c[0]), PowerSeries(a.c[: k + 1], a.size[: k + 1]))
     return made
 
@@ -301,7 +287,7 @@ def _angle(y: PowerSeries, x: PowerSeries) -> PowerSeries:
 def _arctangent(a: PowerSeries) -> PowerSeries:
     if not a.known:
         return NOTHING
-    return _integral(_inverse(_shifted(_square(a), 1.0)), float(np.arctan(a.c[0])), a)
+    return _integral(_inverse(_shifted(product(a, a), 1.0)), float(np.arctan(a.c[0])), a)
 
 
 _RULES: dict[int, Callable[..., PowerSeries]] = {
@@ -311,7 +297,7 @@ _RULES: dict[int, Callable[..., PowerSeries]] = {
     ca.OP_NEG: lambda a: _scaled(a, -1),
     ca.OP_TWICE: lambda a: _scaled(a, 2),
     ca.OP_MUL: product,
-    ca.OP_SQ: _square,
+    ca.OP_SQ: lambda a: product(a, a),
     ca.OP_DIV: _quotient,
     ca.OP_INV: _inverse,
     ca.OP_SQRT: _root,

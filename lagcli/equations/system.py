@@ -104,7 +104,7 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
     equalities = rows.equalities(
         model, env, [(g, ca.vertsplit(c)) for g, c in zip(bodies, constants, strict=True)]
     )
-    dynamics = energy.dynamics(model, env, fixed)
+    dynamics = energy.dynamics(model, env)
     if restated is not None:
         equalities, dynamics = restated(env, equalities, dynamics)
     contacts = rows.contacts(model, env)
@@ -114,9 +114,9 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
     everyone = np.arange(len(env.particles))
     accelerations, R = _solved(env, dynamics, Q_R, a)
     solved = output_values.SolvedValues(everything, lam, a, accelerations, R)
-    named = output_values.OutputValues(
-        env, dynamics, solved, output_values.DependentForces(model, env, bodies, constants)
-    )
+    of_bodies = zip(model.rigid, bodies, constants, strict=True)
+    named_bodies = {body.name: (body, geometry, own) for body, geometry, own in of_bodies}
+    named = output_values.OutputValues(model, env, dynamics, solved, named_bodies)
     p = ca.vertcat(s.p, *constants)
     begin = _begin(model, bodies)
     kinks = cuts = jumps = None
@@ -302,7 +302,7 @@ def _solved(env: Environment, dynamics: energy.Dynamics, Q_R: ca.SX, a: ca.SX) -
         velocity = ca.vertcat(*env.velocity(env.dependent))
         acceleration = ca.densify(ca.jtimes(velocity, env.symbols.v, a) + env.rate(velocity))
         accelerations.fill(env.dependent, tuple(ca.vertsplit(acceleration, env.dependent.size)))
-        m = environment.taken(env.masses(), env.dependent)
+        m = environment.taken(env.masses, env.dependent)
         force = ca.densify(ca.vertcat(m, m, m) * acceleration - dynamics.applied)
         R.fill(env.dependent, tuple(ca.vertsplit(force, env.dependent.size)))
     return accelerations, R

@@ -112,12 +112,8 @@ class Integrals:
     @cached_property
     def has_time(self) -> bool:
         """True if t occurs in what moves the system, in a chart of an integral, or in a declared event."""
-        charts, system = self._charts.charts, self.system
-        return (
-            self._plain.numeric.has_time
-            or any(level_functions.has_time(system, each) for each in charts)
-            or level_functions.events_have_time(system)
-        )
+        charts = self._charts.charts
+        return self._plain.numeric.has_time or level_functions.have_time(self.system, charts)
 
     def functions(self, invariant_values: InvariantValues) -> RunFunctions:
         """The functions of the system with these levels enforced."""
