@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -12,15 +12,6 @@ if TYPE_CHECKING:
     import casadi as ca
 
 Floats = npt.NDArray[np.float64]
-
-
-class Buffer(Protocol):
-    """The arrays that a function reads, its arguments, and writes, its results; CasADi's own types know them by their
-    addresses only."""
-
-    def set_arg(self, index: int, memory: memoryview, /) -> None: ...
-
-    def set_res(self, index: int, memory: memoryview, /) -> None: ...
 
 
 class BoundFunction:
@@ -45,7 +36,8 @@ class BoundFunction:
         assert isinstance(function, SizedFunction), function
         if not is_sparse:
             function = function.with_full_results
-        self._buffer, self.trigger = cast("tuple[Buffer, Callable[[], None]]", function.buffer())
+        # Of the arrays that a buffer reads and writes CasADi's own types know the addresses only.
+        self._buffer, self.trigger = cast("tuple[Any, Callable[[], None]]", function.buffer())
         self.function, self.arguments = function, tuple(arguments)  # the buffer keeps none of them alive
         self.used = 0  # for those who count their calls
         self.results: list[Floats] = []

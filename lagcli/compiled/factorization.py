@@ -43,14 +43,15 @@ class SystemFunctions:
         That is towards the nearest point in the mass-weighted norm.
         """
         parts, n = self._parts, self._parts.v.numel()
-        if parts.enforced.numel() == 0:
+        f, B = parts.enforced
+        if f.numel() == 0:
             return SizedFunction("position", parts.inputs, [parts.y])
 
         def after(mu: ca.SX) -> list[ca.SX]:
-            q = parts.y[:n] - parts.inertia(parts.B_enforced.T @ mu)
+            q = parts.y[:n] - parts.inertia(B.T @ mu)
             return [ca.densify(ca.vertcat(q, parts.y[n:]))]
 
-        return self._through("position", parts.inputs, parts.B_enforced, parts.enforced, after)
+        return self._through("position", parts.inputs, B, f, after)
 
     @cached_property
     def response(self) -> ca.Function:
@@ -73,7 +74,7 @@ class Expanded(SystemFunctions):
         self, name: str, inputs: list[ca.SX], B: ca.SX, r: ca.SX, after: Callable[[ca.SX], list[ca.SX]]
     ) -> ca.Function:
         parts, schur = self._parts, self._watched[0]
-        if B is parts.B_enforced and parts.S_enforced is not parts.S:
+        if B is parts.enforced[1] and parts.S_enforced is not parts.S:
             schur = selection.solver(parts.S_enforced)
         return SizedFunction(name, inputs, after(ca.densify(schur(r)) if r.numel() else ca.SX(0, 1)))
 

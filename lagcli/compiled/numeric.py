@@ -13,6 +13,7 @@ S and M are factored as L D L^T with their sparsity.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from functools import cached_property, wraps
 from typing import TYPE_CHECKING
@@ -60,7 +61,11 @@ def _of_steps(make: Callable[[NumericSystem], ca.Function]) -> cached_property[c
 
 
 class NumericSystem:
-    """Compiled functions of one system, each built when it is first asked for: a count needs no step."""
+    """Compiled functions of one system, each built when it is first asked for: a count needs no step.
+
+    selection: the independent rows that it is stepped with; closed_rows: the numbers of the contacts that act, each
+    beyond C.
+    """
 
     def __init__(
         self, system: System, parts: shared.Parts | None = None, switched: NumericSystem | None = None
@@ -68,6 +73,8 @@ class NumericSystem:
         self._system, self._switched = system, switched
         self._parts = parts or shared.build(system)
         self.n: int = system.symbols.q.numel()
+        self.selection, self.closed_rows = self._parts.selection, self._parts.closed
+        self._inputs = [system.symbols.t, system.symbols.q, system.symbols.v, system.p]
         self.memory = Memory()
 
     def holding(self, charts: Sequence[LevelExpression]) -> NumericSystem:
@@ -104,14 +111,9 @@ class NumericSystem:
         """True if no velocity occurs in M (D.34)."""
         return not ca.depends_on(self._parts.M, self._system.symbols.v)
 
-    @property
-    def selection(self) -> Selection:
-        """The independent rows that the system is stepped with."""
-        return self._parts.selection
-
     def keeping(self, selection: Selection) -> NumericSystem:
         """The system stepped with these independent rows."""
-        return NumericSystem(self._system, self._parts.keeping(selection))
+        return NumericSystem(self._system, dataclasses.replace(self._parts, selection=selection))
 
     def switching(self, selection: Selection) -> NumericSystem:
         """As `keeping`, where it can by functions that other sets of closed contacts share: they take the `switches` at
@@ -127,7 +129,8 @@ class NumericSystem:
             return every if every and isinstance(every._way, Expanded) else None
 
         every = self.memory.answer(("all closed", whole), all_closed)
-        return NumericSystem(self._system, self._parts.keeping(selection), every)
+        parts = dataclasses.replace(self._parts, selection=selection)
+        return NumericSystem(self._system, parts, every)
 
     @property
     def stepped(self) -> NumericSystem:
@@ -250,11 +253,6 @@ class NumericSystem:
 
         return contact_values.floors(self._parts)
 
-    @cached_property
-    def closed_rows(self) -> list[int]:
-        """The numbers of the contacts that act, each beyond C."""
-        return self._parts.closed
-
     @property
     def lying_rows(self) -> list[int]:
         """Those that act, and those that are closed and carry nothing."""
@@ -349,11 +347,6 @@ class NumericSystem:
         dynamics = self._system.dynamics
         Q = dynamics.driving - ca.gradient(dynamics.potential, self._system.symbols.q)
         return SizedFunction("applied", self._inputs, [ca.densify(Q)])
-
-    @property
-    def _inputs(self) -> list[ca.SX]:
-        symbols = self._system.symbols
-        return [symbols.t, symbols.q, symbols.v, self._system.p]
 
     def _projected(self, t: ca.MX, y: ca.MX, p: ca.MX) -> ca.MX:
         for _ in range(NEWTON_STEPS):

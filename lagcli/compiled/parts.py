@@ -120,9 +120,9 @@ class Parts:
 
     @cached_property
     def S_enforced(self) -> ca.SX:
-        """S of the rows of `B_enforced`, (s + k, s + k)."""
+        """S of the rows that are `enforced`, (s + k, s + k)."""
         if self.g.numel():
-            return self.B_enforced @ self.inertia(self.B_enforced.T)
+            return self.enforced[1] @ self.inertia(self.enforced[1].T)
         independent, holonomic = self.selection.independent, set(self._holonomic)
         indices = [k for k, row in enumerate(independent) if row in holonomic]
         return self.S if len(indices) == len(independent) else self.S[indices, indices]
@@ -158,25 +158,21 @@ class Parts:
         return self.of(self.selection.independent, self.gamma, self.acting.gamma)
 
     @cached_property
-    def enforced(self) -> ca.SX:
-        """Independent rows of f, closed contacts, and g: what the projection of positions brings to zero."""
-        f = self.of(self._holonomic, self.f, self.acting.g)
-        return ca.vertcat(f, self.g) if self.g.numel() else f
+    def enforced(self) -> tuple[ca.SX, ca.SX]:
+        """Independent rows of f, closed contacts, and g: what the projection of positions brings to zero; and their
+        gradients by q."""
+        return self.positions(self._holonomic)
 
-    @cached_property
-    def B_enforced(self) -> ca.SX:
-        """Their gradients by q."""
-        B = self.of(self._holonomic, self.B_holonomic, self.acting.G)
-        return ca.vertcat(B, self.dg) if self.g.numel() else B
+    def positions(self, numbers: Sequence[int]) -> tuple[ca.SX, ca.SX]:
+        """Rows of f and contacts by their ascending numbers, and g; and their gradients by q."""
+        f, B = self.of(numbers, self.f, self.acting.g), self.of(numbers, self.B_holonomic, self.acting.G)
+        return (ca.vertcat(f, self.g), ca.vertcat(B, self.dg)) if self.g.numel() else (f, B)
 
     @property
     def closed(self) -> list[int]:
         """The numbers of the contacts that act, each beyond C."""
         C = self.B.shape[0]
         return [i for i in self.selection.present if i >= C]
-
-    def keeping(self, selection: Selection) -> Parts:
-        return dataclasses.replace(self, selection=selection)
 
     def switched(self, selection: Selection) -> Parts | None:
         """The parts with all contacts of a selection, and switches at the end of p; None where the factors of S would
@@ -284,7 +280,7 @@ def responded(parts: Parts, f: ca.SX, free: ca.SX, x: ca.SX) -> ca.SX:
 def residuals(parts: Parts) -> tuple[ca.SX, ca.SX]:
     """The largest |f_i| / |B_i| and |g_j| / |dg_j|, lengths where q are; and the largest |B_i v + b_i| / |B_i| of
     equality rows and closed contacts, of a row without a gradient |b_i|."""
-    f, B = _position_rows(parts)
+    f, B = parts.positions([*range(parts.f.numel()), *parts.closed])
     position = ca.mmax(ca.fabs(f) / _row_norms(B)) if f.numel() else ca.SX(0)
     every, velocity = [*range(parts.B.shape[0]), *parts.closed], ca.SX(0)
     if every:
@@ -292,13 +288,6 @@ def residuals(parts: Parts) -> tuple[ca.SX, ca.SX]:
         empty = np.bincount(B.sparsity().row(), minlength=B.shape[0]) == 0
         velocity = ca.mmax(ca.fabs(B @ parts.v + b) / (_row_norms(B) + ca.DM(empty.astype(float))))
     return position, velocity
-
-
-def _position_rows(parts: Parts) -> tuple[ca.SX, ca.SX]:
-    """f, closed contacts and g, and their gradients."""
-    every = [*range(parts.f.numel()), *parts.closed]
-    f, B = parts.of(every, parts.f, parts.acting.g), parts.of(every, parts.B_holonomic, parts.acting.G)
-    return (ca.vertcat(f, parts.g), ca.vertcat(B, parts.dg)) if parts.g.numel() else (f, B)
 
 
 @frozen
@@ -360,7 +349,7 @@ def status(parts: Parts, smallest_angle: ca.SX | float, v: ca.SX, sizes: Sizes) 
     """(3,) at a velocity v: the residual, and `rank_margin`. The residual is the larger of what is left of the rows, as
     a part of the size of q, and of the largest B_i v + b_i of rows left out, as a part of what v, q and t make in it:
     do they still follow?"""
-    f, B = _position_rows(parts)
+    f, B = parts.positions([*range(parts.f.numel()), *parts.closed])
     residual = ca.SX(0)
     if f.numel():
         residual = ca.mmax(ca.fabs(f) / _row_norms(B, sizes.units)) / (sizes.q + doubles.TINY)

@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.arrays import Flags, Floats
-from lagcli.frozen import frozen
 
 Indices = npt.NDArray[np.intp]
 
@@ -73,28 +72,28 @@ class Metric:
         rows = np.asarray(fixed.sparsity().row(), dtype=np.intp)
         # Where coordinates are coupled entries of a block fill it in the rows that touch it.
         number = np.full(scale.size, -1)
-        for i, block in enumerate(self._blocks):
-            number[block.indices] = i
+        for i, (indices, _) in enumerate(self._blocks):
+            number[indices] = i
         of = number[columns]
         order = np.argsort(of, kind="stable")
         ends = np.searchsorted(of[order], np.arange(len(self._blocks) + 1))
         alone = order[: ends[0]]
         parts = [(rows[alone], columns[alone], values[alone] * scale[columns[alone]])]
-        for block, first, end in zip(self._blocks, ends, ends[1:], strict=False):
-            here, size = order[first:end], block.indices.size
+        for (indices, lower), first, end in zip(self._blocks, ends, ends[1:], strict=False):
+            here, size = order[first:end], indices.size
             touched, at = np.unique(rows[here], return_inverse=True)
             dense = np.zeros((touched.size, size))
-            dense[at, np.searchsorted(block.indices, columns[here])] = values[here]
-            turned = np.linalg.solve(block.lower, dense.T).T
-            parts.append((np.repeat(touched, size), np.tile(block.indices, touched.size), turned.ravel()))
+            dense[at, np.searchsorted(indices, columns[here])] = values[here]
+            turned = np.linalg.solve(lower, dense.T).T
+            parts.append((np.repeat(touched, size), np.tile(indices, touched.size), turned.ravel()))
         row, column, value = (np.concatenate(each) for each in zip(*parts, strict=True))
         return ca.DM.triplet(row.tolist(), column.tolist(), ca.DM(value), *fixed.shape)
 
     def unwhitened(self, u: Floats) -> Floats:
         """M^-1/2 u (n,) for u (free,); zero where a coordinate is fixed."""
         moved = u / self._lengths[self._free]
-        for block in self._blocks:
-            moved[block.indices] = np.linalg.solve(block.lower.T, u[block.indices])
+        for indices, lower in self._blocks:
+            moved[indices] = np.linalg.solve(lower.T, u[indices])
         step = np.zeros(self._free.size)
         step[self._free] = moved
         return step
@@ -103,9 +102,8 @@ class Metric:
         """M^-1 force (n,) on the free coordinates; zero where one is fixed."""
         free = force[self._free]
         moved = free / self._lengths[self._free] ** 2
-        for block in self._blocks:
-            inner = np.linalg.solve(block.lower, free[block.indices])
-            moved[block.indices] = np.linalg.solve(block.lower.T, inner)
+        for indices, lower in self._blocks:
+            moved[indices] = np.linalg.solve(lower.T, np.linalg.solve(lower, free[indices]))
         found = np.zeros(self._free.size)
         found[self._free] = moved
         return found
@@ -120,21 +118,12 @@ class Metric:
         return float(np.sqrt(max(0.0, square)))
 
 
-@frozen
-class _MassBlock:
-    """Free coordinates that are coupled, by their indices (k,), and the lower factor of M over them (k, k)."""
-
-    indices: Indices
-    lower: Floats
-
-
-def _blocks(M: ca.DM, free: Flags, index: Indices) -> list[_MassBlock]:
-    """Coordinates that are coupled with others, set by set: a model of many bodies has as many small sets.
-
-    Raises `NotDefiniteError` for the set that shows it most.
-    """
+def _blocks(M: ca.DM, free: Flags, index: Indices) -> list[tuple[Indices, Floats]]:
+    """Free coordinates that are coupled with others, set by set, by their indices (k,), and the lower factor of M over
+    them (k, k): a model of many bodies has as many small sets. Raises `NotDefiniteError` for the set that shows it
+    most."""
     count, order, ends = M.sparsity().scc()
-    found: list[_MassBlock] = []
+    found: list[tuple[Indices, Floats]] = []
     worst: NotDefiniteError | None = None
     for i in range(count):
         if ends[i + 1] - ends[i] == 1:
@@ -157,7 +146,7 @@ def _blocks(M: ca.DM, free: Flags, index: Indices) -> list[_MassBlock]:
         independent = free[among]
         if independent.any():
             lower = np.asarray(np.linalg.cholesky(whole[np.ix_(independent, independent)]), dtype=float)
-            found.append(_MassBlock(index[among[independent]], lower))
+            found.append((index[among[independent]], lower))
     if worst is not None:
         raise worst
     return found

@@ -50,7 +50,7 @@ class LocalRows:
     """Rows B (C, n), a sparse CasADi matrix of numbers, by their entries."""
 
     def __init__(self, B: Sparse) -> None:
-        self.B = B
+        self.B, self.count = B, int(B.shape[0])
         rows, columns = B.sparsity().get_triplet()
         self.row = np.asarray(rows, dtype=np.intp)
         self.column = np.asarray(columns, dtype=np.intp)
@@ -65,11 +65,6 @@ class LocalRows:
     def with_values(self, values: Floats) -> LocalRows:
         """Rows of the same pattern with other entries, in the order of `values`."""
         return LocalRows(ca.DM(self.B.sparsity(), ca.DM(values)))
-
-    @property
-    def count(self) -> int:
-        """C."""
-        return int(self.B.shape[0])
 
     @cached_property
     def norms(self) -> Floats:
@@ -204,7 +199,7 @@ class MetricRows:
             return False
         if self.is_large and self._least_with_hanging() ** 2 > doubles.ZERO:
             return True
-        return self._weakest[0] > doubles.ZERO
+        return self.weakest[0] > doubles.ZERO
 
     def _least_with_hanging(self) -> float:
         """A lower bound of the smallest singular value, 0 where none is known, from rows that hang on a coordinate of
@@ -236,15 +231,10 @@ class MetricRows:
         """True if the Gram matrix is better looked at densely."""
         return self.count <= 4000 and self._gram.nnz() > PARAMETERS.filled * self.count**2  # 128 MB
 
-    @property
-    def weakest(self) -> Floats:
-        """A combination (C,) of rows of length one that nearly vanishes, where one does: all that depend on
-        one another take part in it."""
-        return self._weakest[1]
-
     @cached_property
-    def _weakest(self) -> tuple[float, Floats]:
-        """The smallest eigenvalue of the Gram matrix, the square of the singular value, and its vector."""
+    def weakest(self) -> tuple[float, Floats]:
+        """The smallest eigenvalue of the Gram matrix, the square of the singular value, and its vector (C,): where a
+        combination of the rows nearly vanishes all that depend on one another take part in it."""
         # Exactly dependent rows would leave a zero to divide by; the shift is far below what is asked for.
         solve = self._repeated_solver(doubles.SUM)
         x = decompositions.generic_direction(self.count, 0)

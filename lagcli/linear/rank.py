@@ -53,49 +53,25 @@ class RowSpace:
     """What rows A (C, n) of about length one span: the rank is between `low` and `high`, and `low` of them are taken.
 
     left (C, k), sigma (min(C, n),), right (k', n): singular vectors and values, k = C and k' = n where they are whole.
+    value: the rank, or None where no gap separates the singular values.
+    basis (low, n), kernel (n, n - low): orthonormal bases of what the rows span and, where `right` is whole, of what
+    they leave. combinations (low, C), dependences (C - low, C): orthonormal combinations of rows that are independent
+    and, where `left` is whole, that vanish.
     """
-
-    __slots__ = ("left", "low", "right", "sigma")
 
     def __init__(self, left: Floats, sigma: Floats, right: Floats) -> None:
         self.left, self.sigma, self.right = left, sigma, right
-        self.low = int(np.count_nonzero(sigma > PARAMETERS.large))
-
-    @property
-    def high(self) -> int:
-        """The number of singular values that are more than rounding."""
-        return int(np.count_nonzero(self.sigma > PARAMETERS.small))
-
-    @property
-    def value(self) -> int | None:
-        """The rank, or None where no gap separates the singular values."""
-        return self.low if self.low == self.high else None
-
-    @property
-    def basis(self) -> Floats:
-        """An orthonormal basis (low, n) of what the rows span."""
-        return self.right[: self.low]
-
-    @property
-    def kernel(self) -> Floats:
-        """An orthonormal basis (n, n - low) of what they leave; `right` has to be whole."""
-        return np.asarray(self.right[self.low :].T)
-
-    @property
-    def combinations(self) -> Floats:
-        """Orthonormal combinations (low, C) of rows that are independent."""
-        return np.asarray(self.left[:, : self.low].T)
-
-    @property
-    def dependences(self) -> Floats:
-        """Orthonormal combinations (C - low, C) of rows that vanish; `left` has to be whole."""
-        return np.asarray(self.left[:, self.low :].T)
+        low, self.high = (
+            int(np.count_nonzero(sigma > size)) for size in (PARAMETERS.large, PARAMETERS.small)
+        )
+        self.low, self.value = low, low if low == self.high else None
+        self.basis, self.kernel = right[:low], right[low:].T
+        self.combinations, self.dependences = left[:, :low].T, left[:, low:].T
 
     @property
     def exact_dependences(self) -> Floats:
-        """Those (d, C) of them that vanish to rounding."""
-        exact = doubles.VALUE
-        return np.asarray(self.left[:, int(np.count_nonzero(self.sigma > exact)) :].T)
+        """Those (d, C) of the dependences that vanish to rounding."""
+        return self.left[:, int(np.count_nonzero(self.sigma > doubles.VALUE)) :].T
 
     def step(self, b: Floats) -> Floats:
         """The shortest x (n,) or (n, k) with A x = b (C,) or (C, k), by least squares if it must."""
@@ -151,7 +127,7 @@ def _rank(rows: MetricRows) -> Rank:
         return Rank(rows.count, rows.count, np.zeros((0, rows.count)))
     if rows.is_large:
         large = rows.above(PARAMETERS.large)
-        dependences = rows.weakest[None] if large < rows.count else np.zeros((0, rows.count))
+        dependences = rows.weakest[1][None] if large < rows.count else np.zeros((0, rows.count))
         return Rank(large, rows.above(PARAMETERS.small), dependences)
     if rows.count > metric_rows.PARAMETERS.most_dense:  # with one vector of weights
         thin = space(rows.dense, is_whole=False)

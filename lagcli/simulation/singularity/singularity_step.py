@@ -356,7 +356,7 @@ def closest(numeric: NumericSystem, state: State, is_alone: bool) -> tuple[int, 
     if is_alone:
         return (independent[int(np.argmin(rows.lengths))],)
     if rows.is_large:
-        weights = np.abs(rows.weakest)
+        weights = np.abs(rows.weakest[1])
     else:
         weights = np.abs(rank.nearest_dependence(rows)[1])
     return tuple(independent[i] for i in np.flatnonzero(weights > PART * weights.max()))
