@@ -7,11 +7,13 @@ outside its range, and a step, which sees forces at its stages only, may lead ov
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Mapping
 
+from lagcli.arrays import Integers
 from lagcli.expression import evaluate, functions, tree
 from lagcli.frozen import frozen_value
 from lagcli.model import model as nouns
+from lagcli.smoothness.model_algebra import ModelAlgebra
 
 
 class NarrowParameters:
@@ -37,7 +39,6 @@ class MotionOrder:
 
 
 _CONSTANT, _MOTION = MotionOrder(), MotionOrder(1)
-Known = dict[str, evaluate.Value[MotionOrder]]
 
 
 class _Narrow(Exception):
@@ -48,15 +49,13 @@ def are_any(model: nouns.Model, has_contacts: bool) -> bool:
     """True if a force, a row, a position or a definition of a model holds such a function of the motion; has_contacts:
     of the one-sided rows too, one of which is closed."""
     meanings = {d.name: d.expression.tree for d in model.definitions}
-    particles = {particle.members.base for particle in model.particles}
-    known: Known = dict.fromkeys(("t", "pi", "dt"), _CONSTANT)
-    for parameter in model.parameters:
-        known[parameter.name] = (_CONSTANT,) * 3 if isinstance(parameter.value, tuple) else _CONSTANT
-    orders = _Orders(particles, known)
+    orders = _Orders(model, lambda value: _CONSTANT, lambda name: _MOTION)
+    orders.known["t"] = _CONSTANT
     try:
         for step in model.order:
             if isinstance(step, str):
-                known[step] = orders.look(meanings[step], {})
+                orders.known[step] = value = evaluate.value(meanings[step], orders)
+                evaluate.each(_require_wide, value)
         if model.lagrangian is not None:
             orders.look(model.lagrangian.tree, {})
         for particle in model.particles:
@@ -65,9 +64,7 @@ def are_any(model: nouns.Model, has_contacts: bool) -> bool:
         for law in model.laws:
             if has_contacts or not isinstance(law, nouns.Inequality):
                 orders.look(law.equation.tree, law.members.variables)
-        # In the force of a particle `m`, `r` and `v` are its own.
-        others = {name: value for name, value in known.items() if name not in ("r", "v")}
-        own = _Orders((particles - {"m"}) | {"r", "v"}, {**others, "m": _CONSTANT})
+        own = orders.on_a_particle(m=_CONSTANT)
         for force in model.forces:
             of_force = own if isinstance(force, nouns.ParticleForce) else orders
             for part in nouns.expressions_of(force):
@@ -83,41 +80,19 @@ def _require_wide(value: MotionOrder) -> None:
         raise _Narrow
 
 
-class _Orders:
-    """`evaluate.Algebra` of orders; names that are not `known` are of the motion."""
+class _Orders(ModelAlgebra[MotionOrder]):
+    """`ModelAlgebra` of orders."""
 
-    def __init__(self, particles: Collection[str], known: Known) -> None:
-        self._particles, self._known = particles, known
-        self._variables: Collection[str] = ()
-
-    def look(self, node: tree.Node, variables: Collection[str]) -> evaluate.Value[MotionOrder]:
-        self._variables = variables
-        for side in (node.left, node.right) if isinstance(node, tree.Relation) else (node,):
-            value = evaluate.value(side, self)
-            evaluate.each(_require_wide, value)
-        return value
+    def look(self, node: tree.Node, variables: Mapping[str, Integers]) -> None:
+        value = self.value(node, variables)
+        for part in value if isinstance(value, tuple) else (value,):
+            _require_wide(part)
 
     def number(self, node: tree.Number) -> MotionOrder:
         return MotionOrder(None, float(node.text))
 
     def atom(self, node: tree.Reference) -> evaluate.Value[MotionOrder]:
-        name, member = node.owner, node.member
-        if name in self._variables and isinstance(node, tree.Name):
-            return _CONSTANT
-        if name in self._known:
-            value = self._known[name]
-            return value[0] if member and isinstance(value, tuple) else value
-        if member == "m":
-            return _CONSTANT
-        is_vector = name in self._particles and member in ("", "v", "a")
-        return (_MOTION,) * 3 if is_vector else _MOTION
-
-    def special(self, node: tree.Call) -> evaluate.Value[MotionOrder]:
-        argument = node.arguments[0]
-        if node.function == "d":
-            return evaluate.value(argument, self)
-        assert isinstance(argument, tree.Reference)
-        return self.atom(argument)
+        return _CONSTANT if node.member == "m" else super().atom(node)
 
     def operation(self, node: tree.Node, name: str, *parts: MotionOrder) -> MotionOrder:
         first, last = parts[0], parts[-1]

@@ -7,20 +7,20 @@ functions, whose rises and falls steps must not be longer than.
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
-from lagcli.arrays import Integers
+from lagcli.arrays import Floats, Integers
 from lagcli.expression import evaluate, intervals, tree
 from lagcli.expression import functions as language
 from lagcli.expression.intervals import Range
 from lagcli.frozen import frozen_value
 from lagcli.memory import Memory
 from lagcli.model import model as nouns
+from lagcli.smoothness.model_algebra import ModelAlgebra
 
 # Operations on t, values of all of them for the members of families, and operations of any kind in expressions that
 # hold t: more are left to the rows of the table.
@@ -85,21 +85,20 @@ def functions(model: nouns.Model) -> TimeFunctions | None:
     names, laws, on_particles = _timed(model)
     if not laws and not on_particles:
         return None
-    record = _Record()
-    leaves = _Leaves(model, names)
+    record, discarded = _Record(), _Record(math.inf)
+    algebra = _TimeAlgebra(model, names, record)
+    meanings = {d.name: d.expression.tree for d in model.definitions}
     # Each after those it uses, so that a chain of any length needs no deep stack.
-    discarded = _Record(math.inf)
     for step in model.order:
         if isinstance(step, str):
-            leaves.define(step, record if step in names else discarded)
-    for own, group in ((leaves, laws), (leaves.on_a_particle(), on_particles)):
+            algebra.record = record if step in names else discarded
+            algebra.known[step] = evaluate.value(meanings[step], algebra)
+    algebra.record = record
+    for own, group in ((algebra, laws), (algebra.on_a_particle(), on_particles)):
         for law, variables in group:
-            algebra = _Algebra(record, own, variables)
-            if isinstance(law, tree.Relation):
-                evaluate.difference(law, algebra)
-            else:
-                evaluate.value(law, algebra)
-    return record.functions()
+            own.value(law, variables)
+    member_numbers = tuple(record.switches), tuple(record.oscillations)
+    return TimeFunctions(tuple(record.operations), record.size, *member_numbers, record.is_mixed)
 
 
 # An expression with its index variables.
@@ -157,26 +156,17 @@ _MOTION = _Value()
 _MOTION_AND_TIME = _Value(is_timed=True)
 
 
-def _moved(value: _Value) -> _Value:
-    return _MOTION_AND_TIME if value.is_timed else _MOTION
-
-
-def _three(parts: Iterable[_Value]) -> evaluate.Triple[_Value]:
-    x, y, z = parts
-    return x, y, z
-
-
 class _Record:
     """The operations so far, each of them once; most: operations of any kind."""
 
     def __init__(self, most: float = MOST_STEPS) -> None:
-        self._most, self._steps, self._size = most, 0, 1
+        self._most, self._steps, self.size = most, 0, 1
         self._indices: dict[tuple[object, ...], int] = {}
-        self._operations: list[Operation] = []
+        self.operations: list[Operation] = []
         self._members: list[int] = [1]
         self._jumps: list[bool] = [False]
-        self._switches: dict[int, None] = {}
-        self._oscillations: dict[int, None] = {}
+        self.switches: dict[int, None] = {}
+        self.oscillations: dict[int, None] = {}
         self.is_mixed = False
 
     def combine(self, name: str, *parts: _Value) -> _Value:
@@ -205,112 +195,54 @@ class _Record:
         members = max(
             self._members[part] if isinstance(part, int) else int(np.size(part[0])) for part in taken
         )
-        if len(self._operations) >= MOST_OPERATIONS or self._size + members > MOST_VALUES:
+        if len(self.operations) >= MOST_OPERATIONS or self.size + members > MOST_VALUES:
             self.is_mixed = True
             return _MOTION_AND_TIME
-        return _Value(index=self._put(Operation(name, taken), members), is_timed=True)
-
-    def _put(self, operation: Operation, members: int) -> int:
-        parts = operation.parts
-        keys = (part if isinstance(part, int) else (part[0].tobytes(), part[1].tobytes()) for part in parts)
-        key = (operation.name, *keys)
+        keys = (part if isinstance(part, int) else (part[0].tobytes(), part[1].tobytes()) for part in taken)
+        key = (name, *keys)
         if key in self._indices:
-            return self._indices[key]
-        self._operations.append(operation)
-        self._size += members
-        index = self._indices[key] = len(self._operations)
+            return _Value(index=self._indices[key], is_timed=True)
+        self.operations.append(Operation(name, taken))
+        self.size += members
+        index = self._indices[key] = len(self.operations)
         self._members.append(members)
-        self._jumps.append(
-            operation.name == "sign" or any(self._jumps[part] for part in parts if isinstance(part, int))
-        )
+        jumps = name == "sign" or any(self._jumps[part] for part in taken if isinstance(part, int))
+        self._jumps.append(jumps)
         # It rises and falls where its parts do: a sum, a product, a whole power, a quotient by a number.
-        last, is_steady = parts[-1], operation.name in _STEADY
-        if operation.name in ("div", "pow") and not isinstance(last, int):
-            is_steady = (
-                bool(((last[0] >= 0.0) & (last[0] == np.round(last[0]))).all()) or operation.name == "div"
-            )
-        if not (is_steady or self._jumps[index]):
-            self._oscillations[index] = None
-        return index
+        last, is_steady = taken[-1], name in _STEADY
+        if name in ("div", "pow") and not isinstance(last, int):
+            is_steady = name == "div" or bool(((last[0] >= 0.0) & (last[0] == np.round(last[0]))).all())
+        if not (is_steady or jumps):
+            self.oscillations[index] = None
+        return _Value(index=index, is_timed=True)
 
     def switch(self, value: _Value) -> None:
         """Keep a value whose zeros are kinks or jumps, if it is one of t alone."""
         if value.index is not None:
-            self._switches[value.index] = None
-
-    def functions(self) -> TimeFunctions:
-        member_numbers = tuple(self._switches), tuple(self._oscillations)
-        return TimeFunctions(tuple(self._operations), self._size, *member_numbers, self.is_mixed)
+            self.switches[value.index] = None
 
 
-class _Leaves:
-    """The values of names; in the force of a particle `m`, `r` and `v` are its own, whatever else is called so."""
+class _TimeAlgebra(ModelAlgebra[_Value]):
+    """`ModelAlgebra` of these values, with the `record` that operations go into."""
 
-    def __init__(self, model: nouns.Model, timed: set[str]) -> None:
-        self._timed = timed
-        self._own: frozenset[str] = frozenset()
-        self._particles = {particle.members.base for particle in model.particles}
-        self._meanings = {d.name: d.expression.tree for d in model.definitions}
-        self._known: dict[str, evaluate.Value[_Value]] = {
-            "t": _Value(index=0, is_timed=True),
-            "pi": _Value(number=intervals.constant(np.pi)),
-            "dt": _Value(number=intervals.constant(1.0)),
-        }
-        for parameter in model.parameters:
-            value = parameter.value
-            parts = value if isinstance(value, tuple) else (value,)
-            numbers = [_Value(number=intervals.constant(part)) for part in parts]
-            self._known[parameter.name] = _three(numbers) if isinstance(value, tuple) else numbers[0]
+    def __init__(self, model: nouns.Model, timed: set[str], record: _Record) -> None:
+        def constant(value: float | Floats) -> _Value:
+            return _Value(number=intervals.constant(value))
 
-    def on_a_particle(self) -> _Leaves:
-        same = copy.copy(self)
-        same._own, same._particles = frozenset(("r", "v")), self._particles - {"m"}
-        same._known = {name: value for name, value in self._known.items() if name not in ("m", "r", "v")}
-        return same
-
-    def define(self, name: str, record: _Record) -> None:
-        """Evaluate a definition after those it uses."""
-        self._known[name] = evaluate.value(self._meanings[name], _Algebra(record, self, {}))
-
-    def named(self, name: str, member: str) -> evaluate.Value[_Value]:
-        """A name, or a component or velocity of what it stands for: the value, three of them for a vector."""
-        if name in self._known:
-            value = self._known[name]
-            return value["xyz".index(member)] if member and isinstance(value, tuple) else value
-        motion = _MOTION_AND_TIME if name in self._timed else _MOTION
-        is_vector = member in ("", "v", "a") if name in self._particles or name in self._own else False
-        return (motion,) * 3 if is_vector else motion
-
-
-class _Algebra:
-    """`evaluate.Algebra` of these values."""
-
-    def __init__(self, record: _Record, leaves: _Leaves, variables: Mapping[str, Integers]) -> None:
-        self._record, self._leaves, self._variables = record, leaves, variables
-
-    def number(self, node: tree.Number) -> _Value:
-        return _Value(number=intervals.constant(float(node.text)))
-
-    def atom(self, node: tree.Name | tree.Member | tree.Index) -> evaluate.Value[_Value]:
-        if isinstance(node, tree.Name):
-            if node.name in self._variables:
-                return _Value(number=intervals.constant(self._variables[node.name][:, None].astype(float)))
-            return self._leaves.named(node.name, "")
-        return self._leaves.named(node.owner, node.member)
+        super().__init__(model, constant, lambda name: _MOTION_AND_TIME if name in timed else _MOTION)
+        self.record = record
+        self.known["t"] = _Value(index=0, is_timed=True)
 
     def special(self, node: tree.Call) -> evaluate.Value[_Value]:
-        """Rates and differentials: of the motion."""
-        argument = node.arguments[0]
-        if node.function == "d":
-            value = evaluate.value(argument, self)
-            return _three(map(_moved, value)) if isinstance(value, tuple) else _moved(value)
-        assert isinstance(argument, (tree.Name, tree.Member, tree.Index))
-        return self.atom(argument)
+        value = super().special(node)
+        if node.function != "d":
+            return value
+        return evaluate.each(lambda part: _MOTION_AND_TIME if part.is_timed else _MOTION, value)
 
     def operation(self, node: tree.Node, name: str, *parts: _Value) -> _Value:
         """An operation, with what it switches at: a quotient may jump from one infinity to the other; a power that is
         not whole has a kink at zero, one below zero a pole."""
-        record, row = self._record, language.TABLE.get(name)
+        record, row = self.record, language.TABLE.get(name)
         if name == "div":
             record.switch(parts[1])
         elif name == "pow":
