@@ -14,7 +14,7 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
-from lagcli.arrays import Flags, Floats, Integers
+from lagcli.arrays import Floats, Integers
 from lagcli.equations.environment import Environment, column
 from lagcli.equations.symbols import Symbols
 from lagcli.errors import diagnostics
@@ -78,29 +78,27 @@ class Crossings:
         before = np.sign(way.switches(parts[0]))
         for low, high in itertools.pairwise(parts.tolist()):
             after = np.sign(way.switches(high))
-            found = [self._between(k, way, (low, high)) for k in np.flatnonzero(before != after).tolist()]
-            jumps = [jump for jump in found if jump is not None]
-            if jumps:
-                return min(jumps, key=lambda jump: jump.part)
+            found = []
+            for k in np.flatnonzero(before != after).tolist():
+
+                def is_before(part: Floats, k: int = k, side: float = before[k]) -> bool:
+                    return bool(np.sign(way.switches(float(part))[k]) == side)
+
+                ends, owner = sides.bracket(is_before, low, high), self.owners[k]
+                values = tuple(np.array(way.values(float(part))[owner]) for part in sides.beside(*ends))
+                if sides.value_jumps(values):
+                    found.append(Jump(float(ends[0]), self.subjects[owner], self.words[k]))
+            if found:
+                return min(found, key=lambda jump: jump.part)
             before = after
         return None
 
-    def _between(self, k: int, way: Way, ends: tuple[float, float]) -> Jump | None:
-        side, owner = np.sign(way.switches(ends[0])[k]), self.owners[k]
-
-        def is_before(part: Floats) -> Flags:
-            return np.asarray(np.sign(way.switches(float(part))[k]) == side)
-
-        low, high = sides.bracket(is_before, *ends)
-        values = tuple(np.array(way.values(float(part))[owner]) for part in sides.beside(low, high))
-        return Jump(float(low), self.subjects[owner], self.words[k]) if sides.value_jumps(values) else None
-
 
 class EnergyJumps:
-    """The things in a model that may jump: each looked for when it is first asked."""
+    """The things in a model that may jump: each looked for when it is first asked. p: all parameters."""
 
-    def __init__(self, subjects: tuple[Subject, ...], inputs: list[ca.SX]) -> None:
-        self._subjects, self._inputs = subjects, inputs
+    def __init__(self, model: nouns.Model, s: Symbols, p: ca.SX, env: Environment) -> None:
+        self._subjects, self._inputs = tuple(_subjects(model, env)), [s.t, s.q, s.v, p]
 
     @functools.cached_property
     def crossings(self) -> Crossings | None:
@@ -133,11 +131,6 @@ class EnergyJumps:
             word = jump_search.word(value, self._inputs, (state, p))
             if word is not None:
                 yield subject, word
-
-
-def find(model: nouns.Model, s: Symbols, p: ca.SX, env: Environment) -> EnergyJumps:
-    """The things in a model that may jump. `p`: all parameters."""
-    return EnergyJumps(tuple(_subjects(model, env)), [s.t, s.q, s.v, p])
 
 
 def _subjects(model: nouns.Model, env: Environment) -> Iterator[Subject]:

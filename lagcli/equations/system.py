@@ -135,7 +135,7 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
     if named_functions.may_jump(model):
         from lagcli.equations import energy_jumps
 
-        jumps = energy_jumps.find(model, s, numbers, env)
+        jumps = energy_jumps.EnergyJumps(model, s, numbers, env)
     recorded = output_values.outputs(model, env, named)
     return System(
         model=model,

@@ -11,7 +11,6 @@ from mpmath.ctx_iv import MPIntervalContext, ivmpf
 from mpmath.libmp import ComplexResult
 
 MOST_POWER = 10_000  # higher powers are given up
-_FAILURES = (ComplexResult, ArithmeticError, ValueError, NotImplementedError)
 
 
 class NoBounds(Exception):
@@ -22,21 +21,14 @@ class NoValue(NoBounds):
     """An operation has no value anywhere here."""
 
 
-class Enclosures:
-    """The arithmetic of the intervals of a context of mpmath, in its digits."""
-
-    def __init__(self, context: MPIntervalContext) -> None:
-        self._of = context
-
-    def result(self, name: str, *parts: ivmpf) -> ivmpf:
-        """The range of an operation by its name in a `Program`. Raises `NoBounds`."""
-        rule = _RULES.get(name)
-        if rule is None:
-            raise NoBounds(name)
-        try:
-            return rule(self._of, *parts)
-        except _FAILURES as error:
-            raise NoBounds(name) from error
+def result(context: MPIntervalContext, name: str, *parts: ivmpf) -> ivmpf:
+    """The range of an operation by its name in a `Program`, in the digits of a context. Raises `NoBounds`."""
+    if name not in _RULES:
+        raise NoBounds(name)
+    try:
+        return _RULES[name](context, *parts)
+    except (ComplexResult, ArithmeticError, ValueError, NotImplementedError) as error:
+        raise NoBounds(name) from error
 
 
 def _quotient(of: MPIntervalContext, a: ivmpf, b: ivmpf) -> ivmpf:

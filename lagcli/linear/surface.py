@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 from decimal import Decimal
 from functools import cached_property
-from typing import Protocol, Self, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -78,22 +78,7 @@ class LinearEquations(Protocol):
         """The shortest step to where the linear equations vanish; None where there is none."""
 
 
-class DampedEquations(LinearEquations, Protocol):
-    """Equations which can be descended on."""
-
-    @property
-    def norm(self) -> float:
-        """The root of the sum of squares of the equations, each in its unit here."""
-
-    def norm_of(self, other: Self) -> float:
-        """The norm at another point, in the units here."""
-
-    def damped(self, damping: float) -> Point:
-        """The step that is shorter by a damping; the shortest one with 0."""
-
-
 E = TypeVar("E", bound=LinearEquations)
-D = TypeVar("D", bound=DampedEquations)
 
 
 class Linearized:
@@ -142,18 +127,16 @@ class Linearized:
         """The shortest step (n,) in the metric, by least squares if it must."""
         return self.rows.correction(self.f)
 
-    @property
-    def norm(self) -> float:
-        """|f| for rows of length one in the metric."""
-        return self.norm_of(self)
-
     def norm_of(self, other: Linearized) -> float:
-        """|f| of another point for the rows here."""
+        """|f| of this or another point, for the rows here of length one in the metric."""
         return float(np.linalg.norm(other.f / self.rows.lengths))
 
     def damped(self, damping: float) -> Floats:
         """The step (n,) damped as by Levenberg and Marquardt."""
         return self.rows.correction(self.f, damping)
+
+
+D = TypeVar("D", bound=Linearized)
 
 
 class InDigits:
@@ -274,14 +257,15 @@ def descend(at: Callable[[Floats], D | None], x: Floats, to_the_end: bool = Fals
         progress.require_time()
         if here is None or least <= PARAMETERS.bottom:
             break
+        norm = here.norm_of(here)
         if taken % 20 == 0:
-            if here.norm > PARAMETERS.slow * passed and not to_the_end:
+            if norm > PARAMETERS.slow * passed and not to_the_end:
                 break
-            passed = here.norm
+            passed = norm
         for _ in range(PARAMETERS.most_halvings):
             step = here.damped(damping)
             there = at(x + step)
-            if there is not None and here.norm_of(there) < here.norm:
+            if there is not None and here.norm_of(there) < norm:
                 break
             damping = max(PARAMETERS.stronger * damping, PARAMETERS.first_damping)
         else:

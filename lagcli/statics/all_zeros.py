@@ -7,6 +7,7 @@ row: each has one zero of the force, or none, or stays undecided, as at a pole, 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections import deque
 from collections.abc import Callable
@@ -16,7 +17,8 @@ from mpmath import iv
 
 from lagcli import doubles
 from lagcli.arrays import Floats
-from lagcli.expression.enclosures import Enclosures, NoBounds, NoValue
+from lagcli.expression import enclosures
+from lagcli.expression.enclosures import NoBounds, NoValue
 from lagcli.smoothness import sides
 from lagcli.statics import algebraic_zeros, point_search, polynomial_equations, refine
 from lagcli.statics.point_search import PointSearch
@@ -153,7 +155,8 @@ def by_intervals(search: PointSearch, is_angle: bool) -> Completeness:
     program, numbers = problem.with_gradient(problem.laws.F), (problem.t, *problem.p.tolist())
 
     def force(x: iv.mpf) -> tuple[iv.mpf, iv.mpf]:
-        value, slope = program.run([[x], list(map(iv.mpf, numbers))], iv.mpf, Enclosures(iv).result)
+        result = functools.partial(enclosures.result, iv)
+        value, slope = program.run([[x], list(map(iv.mpf, numbers))], iv.mpf, result)
         return value, slope
 
     # More digits than a double has, so that roundings are no reason to halve an interval

@@ -7,6 +7,7 @@ digits: where an expression is not zero at one of them it does not vanish on the
 
 from __future__ import annotations
 
+import functools
 import math
 import random
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -20,8 +21,8 @@ import sympy
 from mpmath.ctx_iv import MPIntervalContext, ivmpf
 
 from lagcli import doubles, memory
-from lagcli.expression import intervals
-from lagcli.expression.enclosures import Enclosures, NoBounds
+from lagcli.expression import enclosures, intervals
+from lagcli.expression.enclosures import NoBounds
 from lagcli.linear import surface
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.forms import notation
@@ -51,7 +52,7 @@ _SURFACE_SEED = 20240511
 # than most evaluations.
 _INTERVALS = MPIntervalContext()
 _INTERVALS.dps = DIGITS
-_ENCLOSURES = Enclosures(_INTERVALS)
+_RESULT = functools.partial(enclosures.result, _INTERVALS)
 
 Point = Mapping[sympy.Symbol, Fraction]
 
@@ -125,7 +126,7 @@ class Evaluator:
     def value(self, expression: sympy.Expr) -> ivmpf:
         """The interval of the value. Raises `NoValueError` at poles, off the real domain and for unknown functions."""
         try:
-            interval = notation.folded(expression, _leaf, _ENCLOSURES.result, self._memo)
+            interval = notation.folded(expression, _leaf, _RESULT, self._memo)
         except NoBounds as error:
             raise NoValueError(str(error)) from error
         if not all(math.isfinite(float(b)) for b in (interval.a, interval.b, interval.delta)):
