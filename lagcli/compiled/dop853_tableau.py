@@ -6,15 +6,14 @@ sec. II.5 and II.6, and the authors' code DOP853. Rows of A hold only the entrie
 
 from __future__ import annotations
 
-import re
-
 # Of the method, and without those of the dense output.
 ORDER, STAGES = 8, 12
 
 
 def _rows(text: str) -> tuple[tuple[float, ...], ...]:
     """The rows of a table, of which a line that is farther in goes on with the one before."""
-    return tuple(tuple(map(float, row.split())) for row in re.split(r"\n {4}(?! )", text.rstrip())[1:])
+    lines = text.replace("\n        ", " ").splitlines()
+    return tuple(tuple(map(float, line.split())) for line in lines if line)
 
 
 # Nodes of the 12 stages, of the end of the step (1.0), and of the 3 extra stages of the dense output.

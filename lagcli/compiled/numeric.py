@@ -60,6 +60,16 @@ def _of_steps(make: Callable[[NumericSystem], ca.Function]) -> cached_property[c
     return cached_property(function)
 
 
+class _Compiled(cached_property[ca.Function]):
+    """The function of some inputs (t, q, v, y, p) of a system, by the name of the attribute."""
+
+    def __init__(self, inputs: str, results: Callable[[NumericSystem], list[ca.SX]]) -> None:
+        def build(own: NumericSystem) -> ca.Function:
+            return SizedFunction(self.attrname or "", [own._symbols[x] for x in inputs.split()], results(own))
+
+        super().__init__(build)
+
+
 class NumericSystem:
     """Compiled functions of one system, each built when it is first asked for: a count needs no step.
 
@@ -75,6 +85,7 @@ class NumericSystem:
         self.n: int = system.symbols.q.numel()
         self.selection, self.closed_rows = self._parts.selection, self._parts.closed
         self._inputs = [system.symbols.t, system.symbols.q, system.symbols.v, system.p]
+        self._symbols = {**dict(zip("tqvp", self._inputs, strict=True)), "y": self._parts.y}
         self.memory = Memory()
 
     def holding(self, charts: Sequence[LevelExpression]) -> NumericSystem:
@@ -191,11 +202,8 @@ class NumericSystem:
         row, account = table(self._system, self._parts)(t, projected, rate, lam, p)
         return SizedFunction("record", inputs, [projected, row, account])
 
-    @cached_property
-    def holonomic(self) -> ca.Function:
-        """holonomic(t, q, p) -> f (s,), B of the holonomic rows (s, n)."""
-        t, q, _, p = self._inputs
-        return SizedFunction("holonomic", [t, q, p], [self._parts.f, self._parts.B_holonomic])
+    holonomic = _Compiled("t q p", lambda own: list(own._parts.holonomic))
+    """holonomic(t, q, p) -> f (s,), B of the holonomic rows (s, n)."""
 
     @cached_property
     def hessian(self) -> ca.Function:
@@ -242,10 +250,8 @@ class NumericSystem:
         equality rows and the impulses of those (C,), and `parts.responded`."""
         return self._way.response
 
-    @cached_property
-    def gaps(self) -> ca.Function:
-        """gaps(t, y, p) -> g (K,)."""
-        return SizedFunction("gaps", self._parts.inputs, [ca.densify(self._parts.contacts.g)])
+    gaps = _Compiled("t y p", lambda own: [ca.densify(own._parts.contacts.g)])
+    """gaps(t, y, p) -> g (K,)."""
 
     @cached_property
     def gap_floors(self) -> ca.Function:
@@ -292,49 +298,31 @@ class NumericSystem:
 
         return force_switches.find(self._system)
 
-    @cached_property
-    def inertia(self) -> ca.Function:
-        """inertia(t, q, v, p) -> M (n, n)."""
-        return SizedFunction("inertia", self._inputs, [self._parts.M])
+    inertia = _Compiled("t q v p", lambda own: [own._parts.M])
+    """inertia(t, q, v, p) -> M (n, n)."""
 
-    @cached_property
-    def sizes(self) -> ca.Function:
-        """sizes(t, q, v, p) -> `parts.Sizes.packed` (n + 3,)."""
-        parts = self._parts
-        return SizedFunction("sizes", self._inputs, [shared.sizes(parts, parts.v, parts.h, parts.M).packed])
+    sizes = _Compiled("t q v p", lambda own: [own._sizes(own._parts.h)])
+    """sizes(t, q, v, p) -> `parts.Sizes.packed` (n + 3,)."""
 
-    @cached_property
-    def term_sizes(self) -> ca.Function:
-        """term_sizes(t, q, v, p) -> what `sizes` gives with the terms of h in its place, which may cancel."""
-        parts = self._parts
-        terms = operation_rules.term_sizes(ca.densify(parts.h), self._inputs)
-        return SizedFunction("terms", self._inputs, [shared.sizes(parts, parts.v, terms, parts.M).packed])
+    term_sizes = _Compiled("t q v p", lambda own: [own._sizes(*own._terms(own._parts.h))])
+    """term_sizes(t, q, v, p) -> what `sizes` gives with the terms of h in its place, which may cancel."""
 
-    @cached_property
-    def row_terms(self) -> ca.Function:
-        """row_terms(t, q, v, p) -> the sizes of the terms of f (s,) and of b (C,), which may cancel."""
-        values = (self._parts.f, self._parts.b)
-        terms = [operation_rules.term_sizes(ca.densify(value), self._inputs) for value in values]
-        return SizedFunction("row_terms", self._inputs, terms)
+    row_terms = _Compiled("t q v p", lambda own: own._terms(own._parts.f, own._parts.b))
+    """row_terms(t, q, v, p) -> the sizes of the terms of f (s,) and of b (C,), which may cancel."""
 
-    @cached_property
-    def force_roundings(self) -> ca.Function:
-        """force_roundings(t, q, v, p) -> the rounding of h (n,) and of gamma (C,), in units of it."""
-        values = (self._parts.h, self._parts.gamma)
-        units = [operation_rules.roundings(ca.densify(value), self._inputs) for value in values]
-        return SizedFunction("force_roundings", self._inputs, units)
+    force_roundings = _Compiled(
+        "t q v p", lambda own: own._terms(own._parts.h, own._parts.gamma, are_exact=True)
+    )
+    """force_roundings(t, q, v, p) -> the rounding of h (n,) and of gamma (C,), in units of it."""
+
+    energy_terms = _Compiled("t q v p", lambda own: own._terms(own._system.dynamics.jacobi, are_exact=True))
+    """energy_terms(t, q, v, p) -> by how many units of its rounding the Jacobi energy may be off."""
 
     @_of_steps
     def state_roundings(self) -> ca.Function:
         """state_roundings(t, q, v, p) -> `parts.roundings`, (2, 3), with the p of steps."""
         inputs = [*self._inputs[:3], self._parts.p]
         return SizedFunction("state_roundings", inputs, [shared.roundings(self._parts, inputs)])
-
-    @cached_property
-    def energy_terms(self) -> ca.Function:
-        """energy_terms(t, q, v, p) -> by how many units of its rounding the Jacobi energy may be off."""
-        units = operation_rules.roundings(ca.densify(self._system.dynamics.jacobi), self._inputs)
-        return SizedFunction("energy_terms", self._inputs, [units])
 
     @property
     def force(self) -> ca.Function:
@@ -347,6 +335,13 @@ class NumericSystem:
         dynamics = self._system.dynamics
         Q = dynamics.driving - ca.gradient(dynamics.potential, self._system.symbols.q)
         return SizedFunction("applied", self._inputs, [ca.densify(Q)])
+
+    def _sizes(self, h: ca.SX) -> ca.SX:
+        parts = self._parts
+        return shared.sizes(parts, parts.v, h, parts.M).packed
+
+    def _terms(self, *values: ca.SX, are_exact: bool = False) -> list[ca.SX]:
+        return [operation_rules.term_sizes(ca.densify(x), self._inputs, are_exact) for x in values]
 
     def _projected(self, t: ca.MX, y: ca.MX, p: ca.MX) -> ca.MX:
         for _ in range(NEWTON_STEPS):

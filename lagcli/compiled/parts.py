@@ -128,9 +128,9 @@ class Parts:
         return self.S if len(indices) == len(independent) else self.S[indices, indices]
 
     @property
-    def B_holonomic(self) -> ca.SX:
-        """The rows of B that belong to f."""
-        return self.B[: self.f.numel(), :]
+    def holonomic(self) -> tuple[ca.SX, ca.SX]:
+        """f, and the rows of B that belong to it."""
+        return self.f, self.B[: self.f.numel(), :]
 
     @property
     def _holonomic(self) -> list[int]:
@@ -165,7 +165,8 @@ class Parts:
 
     def positions(self, numbers: Sequence[int]) -> tuple[ca.SX, ca.SX]:
         """Rows of f and contacts by their ascending numbers, and g; and their gradients by q."""
-        f, B = self.of(numbers, self.f, self.acting.g), self.of(numbers, self.B_holonomic, self.acting.G)
+        own = zip(self.holonomic, (self.acting.g, self.acting.G), strict=True)
+        f, B = (self.of(numbers, rows, contacts) for rows, contacts in own)
         return (ca.vertcat(f, self.g), ca.vertcat(B, self.dg)) if self.g.numel() else (f, B)
 
     @property

@@ -38,6 +38,8 @@ def test_what_was_computed_before_is_kept_by_one_memory() -> None:
 
 # An arithmetic is a table of operations by their names in a `Program`, or by their codes.
 ARITHMETICS = {
+    "lagcli.expression.functions": "all that has Python's operators",
+    "lagcli.expression.integers": "whole numbers and fractions, exactly",
     "lagcli.expression.intervals": "ranges of floats, of arrays and, by `contact_values`, of expressions",
     "lagcli.expression.enclosures": "ranges in many digits, which mpmath rounds outwards",
     "lagcli.expression.term_sizes": "sizes of the terms of a value",
@@ -60,9 +62,7 @@ def test_each_arithmetic_stands_in_one_file() -> None:
         for node in nodes(name)
         if isinstance(node, ast.Dict) and {"add", "mul"} <= operations_in(node)
     }
-    assert (
-        found - {"lagcli.smoothness.time_functions"} == ARITHMETICS.keys()
-    )  # which folds plain numbers faster
+    assert found == ARITHMETICS.keys()
 
 
 # A change is bracketed by `smoothness/sides.bracket`; decision 0029 has the reasons of the others.
