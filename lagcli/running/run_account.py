@@ -40,17 +40,17 @@ class Outcome:
 class Stats:
     """The account of a run, the object of `--stats`.
 
-    steps: accepted ones; evaluations: of the right-hand side; seconds of wall time; position_drift and
-    velocity_drift: largest |f_i| / |B_i| and |B_i v + b_i| / |B_i| over all rows written, the first also over |g_j|
-    / |dg_j| of the first integrals that are enforced, g_j being the integral less its value at the start;
-    energy_imbalance: largest deviation from the energy balance over all rows, as a part of the energies exchanged,
-    or None where the work within a step was not found; indeterminate: rows whose multipliers are not unique;
-    singular_times: of configurations that were passed; stopped: why the run ended before its end; ended_by: the event
-    that ended it; rows: how many there are up to t_end; accuracy: the estimate of the errors, assembled: what assembly
-    changed in the start, where they were asked for; atol: None where it is a part of the sizes of the motion; impacts,
-    releases, accumulations: numbers of such, by contact; largest_penetration: the largest -g over all rows, in units
-    of g; warnings: why the rows are not to be trusted; native_steps: those that native code took, of a resumed run in
-    this part of it.
+    steps: accepted ones; evaluations: of the right-hand side; compile_seconds, of equations and native code, and
+    solve_seconds, of all else: wall time; position_drift and velocity_drift: largest |f_i| / |B_i| and |B_i v + b_i| /
+    |B_i| over all rows written, the first also over |g_j| / |dg_j| of the first integrals that are enforced, g_j being
+    the integral less its value at the start; energy_imbalance: largest deviation from the energy balance over all rows,
+    as a part of the energies exchanged, or None where the work within a step was not found; indeterminate: rows whose
+    multipliers are not unique; singular_times: of configurations that were passed; stopped: why the run ended before
+    its end; ended_by: the event that ended it; rows: how many there are up to t_end; accuracy: the estimate of the
+    errors, assembled: what assembly changed in the start, where they were asked for; atol: None where it is a part
+    of the sizes of the motion; impacts, releases, accumulations: numbers of such, by contact; largest_penetration:
+    the largest -g over all rows, in units of g; warnings: why the rows are not to be trusted; native_steps: those
+    that native code took, of a resumed run in this part of it.
     """
 
     steps: int

@@ -165,11 +165,11 @@ class SimulationRun:
         floors = self._floors
         kinds = zip(KINDS, self._run.reference.columns_of_kinds, strict=True)
         zero = frozenset(k for k, at in kinds if floors.are_zero(at))
-        parted = found.parted
+        parted, report = found.parted, self.report
         # Beside dependent rows, which the notes name, runs go apart by their rounding.
-        if parted is not None and parted[1] >= found.t and run_remarks.is_amplified(self.built, self.report):
+        if parted is not None and parted[1] >= found.t and run_remarks.is_amplified(self.built, report):
             parted = None
-        return dataclasses.replace(found, zero=zero, parted=parted, energy_error=self._energy_error)
+        return dataclasses.replace(found, zero=zero, parted=parted, energy_error=self._energy_error(report))
 
     @property
     def skipped_rows(self) -> int:
@@ -204,7 +204,7 @@ class SimulationRun:
             statistics.steps,
             statistics.rejected,
             statistics.evaluations,
-            self._seconds,
+            self._seconds + report.compile_seconds,
             report.solve_seconds,
             settings.method_name(chosen),
             extremes.position_drift,
@@ -225,10 +225,9 @@ class SimulationRun:
             tally.releases,
             tally.accumulations,
             report.largest_penetration,
-            run_remarks.energy_warnings(self._energy_error),
+            run_remarks.energy_warnings(self._energy_error(report)),
             statistics.native_steps,
         )
 
-    @property
-    def _energy_error(self) -> float:
-        return run_remarks.energy_error(self.numeric, self.model.simulation, self.begin, self.report)
+    def _energy_error(self, report: RunReport) -> float:
+        return run_remarks.energy_error(self.numeric, self.model.simulation, self.begin, report)

@@ -98,7 +98,7 @@ class Run:
         stop: Stop | None = None
         going = True
         while going:
-            began = time.perf_counter()
+            began, compiled = time.perf_counter(), statistics.compile_seconds
             writer.open(capacity)
             try:
                 going = not self._fill(began + PAUSE)
@@ -112,7 +112,8 @@ class Run:
                 self._row = writer.last
             rows = block[:, : -method.BEYOND]
             rows += 0.0  # no table shows -0.0
-            statistics.solve_seconds += time.perf_counter() - began
+            spent = time.perf_counter() - began
+            statistics.solve_seconds += spent - (statistics.compile_seconds - compiled)
             incidents, statistics.incidents = statistics.incidents, []
             if len(block) or going or incidents:
                 yield RunBlock(rows, incidents)

@@ -11,6 +11,7 @@ import functools
 import itertools
 import math
 import threading
+import time
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import NamedTuple
@@ -179,7 +180,9 @@ class NativeSteps:
             self._bind()
         functions = self._functions
         if functions.code is None or functions.code.level < BEST:
+            began = time.perf_counter()
             functions.look(self._mode, run.bound.enforced.functions.steps)
+            run.statistics.compile_seconds += time.perf_counter() - began
         if functions.code is not self._code:
             self._take(functions.code)
         is_ordinary = self._is_ordinary and run.longest == math.inf and bool(run.watch.seen)

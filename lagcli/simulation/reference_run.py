@@ -18,7 +18,7 @@ from lagcli.simulation.loop import Run, RunBlock
 from lagcli.simulation.row_writer import TableRows
 from lagcli.simulation.run_state.between_steps import RunState
 from lagcli.simulation.run_state.run_stop import RunStop, Stop
-from lagcli.simulation.run_state.statistics import Incident, Tally
+from lagcli.simulation.run_state.statistics import Incident, RunStatistics, Tally
 from lagcli.simulation.scheme import step_tolerance
 
 
@@ -55,9 +55,9 @@ class RunWithReference:
         self._taken = 0
 
     @property
-    def solve_seconds(self) -> float:
-        """The seconds of the repeated run."""
-        return self._again.statistics.solve_seconds
+    def statistics(self) -> RunStatistics:
+        """The account of the repeated run."""
+        return self._again.statistics
 
     @property
     def accuracy(self) -> Accuracy | None:

@@ -40,9 +40,9 @@ class RunReport:
     """The account of a run at the time t reached: q, v, a (n,) there, and the statistics as they stood then.
 
     selection: the independent rows it is stepped with; indeterminate: rows whose multipliers or impulses are, or were,
-    not unique; solve_seconds: wall time, of a repeated run too; largest_penetration: the largest -g_j; complete: the
-    rows of the grid up to t, made or not; accuracy: of a repeated run; rank_margin: how far rows are from dependent
-    ones, as an angle.
+    not unique; solve_seconds, compile_seconds: wall time of steps and of native code, of a repeated run too;
+    largest_penetration: the largest -g_j; complete: the rows of the grid up to t, made or not; accuracy: of a repeated
+    run; rank_margin: how far rows are from dependent ones, as an angle.
     """
 
     t: float
@@ -53,6 +53,7 @@ class RunReport:
     indeterminate: frozenset[int]
     statistics: RunStatistics
     solve_seconds: float
+    compile_seconds: float
     largest_penetration: float
     complete: int
     accuracy: Accuracy | None
@@ -119,6 +120,7 @@ class RunInBlocks:
         statistics, y, n = copy.copy(run.statistics), run.bound.y.copy(), run.bound.y.size // 2
         selection = run.bound.enforced.selection
         extremes = statistics.extremes or NO_ROWS
+        accounts = [statistics, again.statistics] if again else [statistics]
         return RunReport(
             t=run.origin + run.t,
             q=y[:n],
@@ -127,7 +129,8 @@ class RunInBlocks:
             selection=selection,
             indeterminate=selection.indeterminate.union(run.contacts.shared),
             statistics=statistics,
-            solve_seconds=statistics.solve_seconds + (again.solve_seconds if again else 0.0),
+            solve_seconds=sum(each.solve_seconds for each in accounts),
+            compile_seconds=sum(each.compile_seconds for each in accounts),
             largest_penetration=max(run.contacts.deepest, extremes.penetration),
             complete=self._run.writer.complete,
             accuracy=again.accuracy if again else None,

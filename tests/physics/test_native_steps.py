@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import threading
+import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -136,6 +137,18 @@ def test_code_that_is_kept_is_taken_and_a_damaged_one_is_made_again(monkeypatch,
     kept.write_bytes(kept.read_bytes()[:-100] + b"x" * 100)
     assert bits(lagcli.simulate(model, compile="always")) == expected
     assert len(made) == 1
+
+
+def test_the_time_in_which_code_is_made_is_none_of_the_steps(monkeypatch, soon):
+    look = NativeFunctions.look
+
+    def slow(self, *args):
+        time.sleep(0.2)
+        look(self, *args)
+
+    monkeypatch.setattr(NativeFunctions, "look", slow)
+    stats = lagcli.simulate(lagcli.loads(PENDULUM), compile="always").stats
+    assert stats.compile_seconds >= 0.2 > stats.solve_seconds
 
 
 def test_where_no_code_can_be_made_the_interpreter_takes_all_steps(monkeypatch):

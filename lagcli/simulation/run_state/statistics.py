@@ -130,9 +130,10 @@ def named(values: tuple[object, ...]) -> dict[str, Any]:
 class RunStatistics(Counts):
     """The account of a run; `extremes` is None before its first row. resting: the energy of `RestingForces`; ended_by:
     the name of the event that has ended the run; is_balanced: whether the work W is known up to here; native_steps:
-    those that native code took."""
+    those that native code took; compile_seconds: in which it was looked for and made."""
 
     solve_seconds: float = 0.0
+    compile_seconds: float = 0.0
     extremes: Extremes | None = None
     incidents: list[Incident] = dataclasses.field(default_factory=list)
     resting: float = 0.0
@@ -156,22 +157,24 @@ class RunStatistics(Counts):
         if not len(rows):
             return
         position, velocity, jacobi, rest, work = rows.T
-        found = self.extremes
-        if found is None:
-            start, unbalanced = float(jacobi[0]) - float(work[0]), float(not self.is_balanced)
-            found = dataclasses.replace(NO_ROWS, start=start, rest=float(rest[0]), unbalanced=unbalanced)
-
-        def size(values: Floats) -> float:
-            return float(np.abs(values).max())
-
-        self.extremes = dataclasses.replace(
-            found,
-            position_drift=max(found.position_drift, float(position.max())),
-            velocity_drift=max(found.velocity_drift, float(velocity.max())),
-            imbalance=max(found.imbalance, size(jacobi - found.start - work)),
-            moving=max(found.moving, size(jacobi - rest)),
-            resting=max(found.resting, size(rest - found.rest)),
-            largest=max(found.largest, size(jacobi), size(rest)),
+        found, unbalanced = self.extremes or NO_ROWS, float(not self.is_balanced)
+        begin, at_rest = found.start, found.rest
+        if self.extremes is None:
+            begin, at_rest = float(jacobi[0]) - float(work[0]), float(rest[0])
+        sizes = np.array(
+            [position, velocity, jacobi - begin - work, jacobi - rest, rest - at_rest, jacobi, rest]
+        )
+        drift, velocity_drift, imbalance, moving, resting, *energies = np.abs(sizes).max(axis=1).tolist()
+        self.extremes = Extremes(
+            start=begin,
+            rest=at_rest,
+            position_drift=max(found.position_drift, drift),
+            velocity_drift=max(found.velocity_drift, velocity_drift),
+            imbalance=max(found.imbalance, imbalance),
+            moving=max(found.moving, moving),
+            resting=max(found.resting, resting),
+            largest=max(found.largest, *energies),
+            unbalanced=unbalanced if self.extremes is None else found.unbalanced,
             penetration=max(found.penetration, depth),
         )
 
