@@ -56,9 +56,11 @@ def _listed() -> dict[str, str]:
             continue
         for entry in entries:
             stem, ending = os.path.splitext(entry)
+            if ending not in (".dist-info", ".egg-info"):
+                continue
             name, _, version = stem.partition("-")
             name = re.sub(r"[-_.]+", "-", name).lower()
-            if ending in (".dist-info", ".egg-info") and name in OLDEST:
+            if name in OLDEST:
                 found.setdefault(name, version.partition("-")[0])
     return found
 

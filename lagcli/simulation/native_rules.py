@@ -13,7 +13,7 @@ from functools import reduce, wraps
 
 import casadi as ca
 
-from lagcli import doubles
+from lagcli import doubles, memory
 from lagcli.simulation.scheme import step_end, step_tolerance
 from lagcli.simulation.scheme.controller import PARAMETERS as LENGTH
 from lagcli.simulation.singularity.singularity_monitor import (
@@ -92,6 +92,7 @@ def reach(rtol: float, order: int) -> tuple[float, float]:
     return rtol ** (1 / (2 * MONITOR.fewer_nodes) - 1 / order), amplified
 
 
+@memory.remembered()
 @_exactly
 def plan() -> SizedFunction:
     """plan(t, control) -> 1 where a singular configuration is near, as `Prediction.is_near`, or the end of the run
@@ -110,6 +111,7 @@ def plan() -> SizedFunction:
     return SizedFunction("plan", [t, control], [is_over, ca.if_else(is_shorter, MONITOR.shorter * left, h)])
 
 
+@memory.remembered()
 @_exactly
 def verdict(fewest: int, order: int, has_integrals: bool) -> SizedFunction:
     """verdict(t, taken, reached, status, grow, control) -> 1 where a step may be taken, as in `StepTrial.attempt`; the
@@ -137,6 +139,7 @@ def verdict(fewest: int, order: int, has_integrals: bool) -> SizedFunction:
     return SizedFunction("verdict", [t, taken, reached, status, grow, control], outputs)
 
 
+@memory.remembered()
 @_exactly
 def watched() -> SizedFunction:
     """watched(t, status, control) -> what is seen and foreseen behind a step, the four and five numbers of
