@@ -68,16 +68,17 @@ def keywords(*left_out: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
 def chosen(model: Model, changes: Changes) -> Simulation:
     """The settings of the file, with `changes` that are not None. Raises `BadSetting`, `ValueError`, `TypeError`."""
-    unknown = changes.keys() - settings.table().keys()
+    table = settings.table()
+    unknown = changes.keys() - table.keys()
     if unknown:
         raise TypeError(f"there is no setting `{min(unknown)}`")
-    kinds = {key: kind for key, (kind, _) in settings.table().items()}
     given = {key: value for key, value in changes.items() if value is not None}
-    for key in given:
-        if kinds[key] is float:
-            given[key] = float(given[key])
-        elif kinds[key] not in (int, bool, str):
-            given[key] = tuple(given[key])
+    for key, value in given.items():
+        kind, _ = table[key]
+        if kind is float:
+            given[key] = float(value)
+        elif kind not in (int, bool, str):
+            given[key] = tuple(value)
     if "samples" in given and "output_step" in given:
         raise ValueError("samples and output_step both set the times of the rows; give one of them")
     if "samples" in given:

@@ -47,13 +47,13 @@ class BoundFunction:
         for i, array in enumerate(arguments):
             assert array.dtype == np.float64, (function.name(), i)
             assert array.size == taken[i], (function.name(), i)
-            self._buffer.set_arg(i, memoryview(array.data))
+            self._buffer.set_arg(i, array.data)
         for i, (shape, entries) in enumerate(made[:wanted]):
             if is_sparse:  # a buffer holds the entries of the pattern only
                 shape = (entries, 1)
             array = given[i] if i < len(given) else np.zeros(shape if shape[1] > 1 else shape[0], order="F")
             assert array.size == shape[0] * shape[1], (function.name(), i)
-            self._buffer.set_res(i, memoryview((array.T if array.ndim > 1 else array).data))
+            self._buffer.set_res(i, (array.T if array.ndim > 1 else array).data)
             self.results.append(array)
 
 

@@ -6,7 +6,12 @@ import pytest
 import lagcli
 from lagcli import memory
 from lagcli.api import cache, prepare_run
+from lagcli.equations import system
 from lagcli.linear import metric_rows
+from lagcli.model import dimension_facts
+from lagcli.output.tables import incident_table
+from lagcli.running import table_columns
+from lagcli.simulation.scheme import step_tolerance
 from lagcli.simulation.stepping import timetable
 from lagcli.smoothness import time_functions
 from lagcli.start import initial, lipschitz, projection
@@ -76,6 +81,30 @@ def test_functions_of_time_are_found_once_for_the_same_values(monkeypatch):
     memory.forget()
     anew = lagcli.simulate(lagcli.loads(DRIVEN, {"A": 2}), duration=1, samples=11)
     assert (other.rows == anew.rows).all()
+
+
+def test_a_call_finds_nothing_that_an_earlier_one_has_found_of_the_model(monkeypatch):
+    model = lagcli.loads(PENDULUM)
+    first = lagcli.simulate(model, duration=0.1, samples=2)
+    for owner, name in (
+        (initial, "require_finite"),
+        (step_tolerance, "resting_forces"),
+        (system, "with_values"),
+        (dimension_facts, "_find"),
+        (incident_table, "columns"),
+        (table_columns, "Floors"),
+    ):
+        monkeypatch.setattr(owner, name, refuse)
+    again = lagcli.simulate(model, duration=0.1, samples=2)
+    assert again.rows.tobytes() == first.rows.tobytes()
+    assert again.stats.provenance == first.stats.provenance
+
+
+def test_an_equal_model_that_was_changed_in_another_way_has_its_own_provenance():
+    own, changed = lagcli.loads(PENDULUM), lagcli.loads(PENDULUM, {"a.velocity": "[1, 0, 0]"})
+    assert own == changed
+    changes = [lagcli.simulate(model, duration=0.1).stats.provenance.set for model in (own, changed, own)]
+    assert changes == [{}, {"a.velocity": "[1, 0, 0]"}, {}]
 
 
 def test_a_system_without_rows_has_none_to_choose(monkeypatch):

@@ -243,6 +243,8 @@ class EnforcedInvariants:
     @property
     def plain(self) -> EnforcedInvariants:
         """The invariants with none enforced."""
+        if not self.is_any:
+            return self
         return dataclasses.replace(self, invariant_values=(None,) * len(self.invariant_values))
 
     @property
