@@ -82,10 +82,8 @@ stretches`: it looks at rows beside each other, in a run with contacts along eac
 
 
 def audit(model: nouns.Model, table: AuditedTable, tolerance: Tolerance, notes: Sequence[str] = ()) -> Audit:
-    """The second opinion on the table of a model run to a tolerance.
-
-    Raises `table_input.TableError` where columns are missing or times do not increase.
-    """
+    """The second opinion on the table of a model run to a tolerance. Raises `table_input.TableError` where columns are
+    missing or times do not increase."""
     laws = ModelLaws(model, tolerance.jumps)
     is_smooth = not (model.inequality or model.events)
     incidents = None if table.events is None else table_input.incidents(laws, table.events)

@@ -239,10 +239,8 @@ class Namespace:
         return lookup
 
     def numbers(self, node: tree.Name | tree.Index, variables: Mapping[str, Integers]) -> Integers:
-        """The numbers of the particles or generalized coordinates a reference stands for, (1,) or (K,).
-
-        The base name must be one of a particle or coordinate. Raises `ExpressionError`.
-        """
+        """The numbers of the particles or generalized coordinates a reference stands for, (1,) or (K,). The base name
+        must be one of a particle or coordinate. Raises `ExpressionError`."""
         base = node.owner
         kind = self.kind(base)
         assert kind in NUMBERED, base

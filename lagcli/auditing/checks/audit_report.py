@@ -197,10 +197,8 @@ def judge(
     limit: Array,
     judged: Array | None = None,
 ) -> Check:
-    """Hold residuals (M, k) against limits (M, k) at the times t (M,); `judged` tells which can be decided.
-
-    A residual that is no number is beyond every limit.
-    """
+    """Hold residuals (M, k) against limits (M, k) at the times t (M,); `judged` tells which can be decided. A residual
+    that is no number is beyond every limit."""
     shape = residual.shape
     if not residual.size:
         return law.empty()

@@ -134,10 +134,8 @@ def flights(e: Evidence) -> list[Check]:
 
 
 def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:
-    """Coordinates at an incident and at the row next to it against the integral of the rates of rows.
-
-    The states of incidents take no part in the integral: one that is wrong would hide itself in its bound.
-    """
+    """Coordinates at an incident and at the row next to it against the integral of the rates of rows. The states of
+    incidents take no part in the integral: one that is wrong would hide itself in its bound."""
     incidents, n, names = impact.incidents, e.n, e.names.q[: e.n]
     r = dataclasses.replace(e.record, q=e.record.q[:, :n], v=e.record.v[:, :n])
     first, last = incidents.first, incidents.last

@@ -76,10 +76,8 @@ class ImpactEvidence:
         self.gap_limit = self.before.noise("f")[:, self.contacts] + self.tolerance.atol  # (E, K)
 
     def jumps(self) -> Check:
-        """The jump of the momenta of all coordinates.
-
-        The states before and after are off together: what lies between them is known to a part of itself.
-        """
+        """The jump of the momenta of all coordinates. The states before and after are off together: what lies between
+        them is known to a part of itself."""
         one, other, n = self.before, self.after, self.before.n
         r, s = one.record, other.record
         jump = momenta(other, s.q, s.v, other.values) - momenta(one, r.q, r.v, one.values)
@@ -140,9 +138,7 @@ class ImpactEvidence:
 
     def recorded(self) -> Check:
         """Each incident is there once, and as what it is: an impulse is of an impact, or ends a series of rebounds.
-
-        Rows of one impact share the jump; several impacts at one instant each have their own.
-        """
+        Rows of one impact share the jump; several impacts at one instant each have their own."""
         incidents, names = self.incidents, self.laws.contacts
         is_wrong = np.zeros((len(incidents.t), len(names)))
         impulses = incidents.impulses[:, self.contacts]

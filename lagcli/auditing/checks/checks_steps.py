@@ -80,11 +80,9 @@ class TableSteps:
 
 
 def quantities(e: Evidence) -> list[Quantity]:
-    """Positions with their velocities, momenta with forces and reactions: of particles, then of coordinates.
-
-    Where the momentum of particles is m v, accelerations make the bounds of positions. Momenta of generalized
-    coordinates are there where no particles depend on them.
-    """
+    """Positions with their velocities, momenta with forces and reactions: of particles, then of coordinates. Where the
+    momentum of particles is m v, accelerations make the bounds of positions. Momenta of generalized coordinates are
+    there where no particles depend on them."""
     r, n, own, width, m = e.record, e.n, e.own, e.record.q.shape[1], e.masses
     coarse = e.once(RowSpacing).is_coarse
     off_q, off_v = (np.repeat(SAFETY * off[None], len(r.t), axis=0) for off in (e.off_q, e.off_v))

@@ -116,9 +116,7 @@ class DifferenceGrid:
 
     def integral(self, y: Array, noise: Array) -> Estimate:
         """The integrals of columns y (T, k), known to `noise`, from the first row to each; the noise is that of sums.
-
-        Where the spacing does not resolve them, at a kink or all along, the second differences around bound a step.
-        """
+        Where the spacing does not resolve them, at a kink or all along, the second differences around bound a step."""
         increments, wrong = np.zeros((len(self.t) - 1, y.shape[1])), np.zeros((len(self.t) - 1, y.shape[1]))
         if len(self.t) > 1:
             sums = [combined(indices, weights, y) for indices, weights in self._quadrature]
@@ -147,10 +145,8 @@ class DifferenceGrid:
 
     def roughness(self, y: Array, rate: Array) -> Array:
         """The effect that a jump or a kink of the rates (T, k) may have on the derivative of columns y (T, k), (T, k).
-
         Across a kink two stencils agree by chance and both are wrong. Differences of high order show it, of y and of
-        its rates alike; what one of them alone shows is an error of the table and excuses nothing.
-        """
+        its rates alike; what one of them alone shows is an error of the table and excuses nothing."""
         order = min(ROUGH, len(self.t) - 3)
         if order < 2:
             return np.zeros(rate.shape)
@@ -198,9 +194,7 @@ def _around(first: Array, width: int, rows: int) -> Array:
 
 def combined(indices: Array, weights: Array, y: Array, about: bool = False) -> Array:
     """sum_s weights[i, s] y[indices[i, s]] of columns y (T, k) for indices, which ascend, and weights (M, S): (M, k).
-
-    In blocks; `about` a near row, where the weights add up to 0.
-    """
+    In blocks; `about` a near row, where the weights add up to 0."""
     sums = np.empty((len(indices), y.shape[1]))
     for start in range(0, len(indices), BLOCK):
         rows = slice(start, start + BLOCK)

@@ -302,10 +302,8 @@ def _rigid_rows(
 
 
 def reduced(f: Array, jumps: Mapping[int, tuple[float, ...]]) -> None:
-    """Take the whole turns of angles out of f (T, s), in place. jumps: the constants of each row, by its number.
-
-    A run goes on smoothly beyond the cut of `atan2` or `atan`: f differs by whole numbers of what one turn changes it.
-    """
+    """Take the whole turns of angles out of f (T, s), in place. jumps: the constants of each row, by its number. A run
+    goes on smoothly beyond the cut of `atan2` or `atan`: f differs by whole numbers of what one turn changes it."""
     for row, (size, *others) in jumps.items():
         if 1 + len(others) not in MOST_TURNS:
             continue

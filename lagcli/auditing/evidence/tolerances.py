@@ -128,11 +128,8 @@ class Evidence:
     @functools.cached_property
     def force_rounding(self) -> tuple[Array, Array]:
         """The rounding of forces that balance each other, (n + 3 Nd,), and of the accelerations (n,) that follow: of a
-        body at rest it is all there is of its motion.
-
-        A tolerance follows the size of the motion, and of one that is none it is nothing, but forces that cancel push
-        by a part of themselves.
-        """
+        body at rest it is all there is of its motion. A tolerance follows the size of the motion, and of one that is
+        none it is nothing, but forces that cancel push by a part of themselves."""
         laws, record, values, n = self.laws, self.record, self.values, self.n
         if not len(record.t):
             return np.zeros(record.q.shape[1]), np.zeros(n)

@@ -160,10 +160,7 @@ def _answer(
     model: Model, report: Report, row: str, assemble: bool, limit: float, plot: str | None
 ) -> tuple[Witness | None, str, int]:
     """A loop that shows a row to be nonholonomic, drawn into the file `plot`, or the reason why there is none, and the
-    exit code.
-
-    Raises `exits.UsageError` where no differential row is meant.
-    """
+    exit code. Raises `exits.UsageError` where no differential row is meant."""
     rows = {c.name: c.verdict for c in report.constraints}
     differential = [name for name, verdict in rows.items() if verdict.declared == "differential"]
     if row not in differential:

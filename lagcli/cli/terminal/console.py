@@ -65,10 +65,8 @@ def stderr_width() -> int:
 
 
 def table(headers: Sequence[str], rows: Rows, colours: Mapping[str, str]) -> None:
-    """A table on stdout; cells that are a key of `colours` get that style on a terminal.
-
-    On a terminal that is too narrow for it each row is printed in lines of its own.
-    """
+    """A table on stdout; cells that are a key of `colours` get that style on a terminal. On a terminal that is too
+    narrow for it each row is printed in lines of its own."""
     if sys.stdout.isatty() and not fits(headers, rows):
         for line in stacked(headers, rows, width()):
             print(line)

@@ -320,10 +320,8 @@ class Derivation:
         return "\n".join(parts)
 
     def as_json(self) -> list[dict[str, str]]:
-        """A list of {section, equation, left, right, latex, note}; a line in words has empty sides.
-
-        The sign between the sides is `=`, or stands under `relation`: `0 ≤ λ ⊥ g ≥ 0` has the right `λ ⊥ g ≥ 0`.
-        """
+        """A list of {section, equation, left, right, latex, note}; a line in words has empty sides. The sign between
+        the sides is `=`, or stands under `relation`: `0 ≤ λ ⊥ g ≥ 0` has the right `λ ⊥ g ≥ 0`."""
         return [
             {
                 "section": section.title,

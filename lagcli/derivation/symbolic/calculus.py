@@ -180,11 +180,9 @@ class VectorRecognizer:
 
 
 def pieces(vector: Key) -> list[tuple[sympy.Expr, Key]]:
-    """The vector as a sum of scalar * (plain combination).
-
-    Where the coefficients cancel these are differences from one vector, else vectors whose coefficients differ by a
-    number share one factor. The rest along the axes is the last piece.
-    """
+    """The vector as a sum of scalar * (plain combination). Where the coefficients cancel these are differences from one
+    vector, else vectors whose coefficients differ by a number share one factor. The rest along the axes is the last
+    piece."""
     parts, rest = dict(vector[0]), vector[1]
     combinations: list[tuple[sympy.Expr, list[tuple[str, sympy.Expr]]]] = []
     if len(parts) >= 3 and sympy.expand(sum(parts.values())) == 0:

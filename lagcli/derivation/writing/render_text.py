@@ -148,10 +148,8 @@ _WRITERS: dict[type[f.FormulaNode], Callable[..., tuple[str, int]]] = {
 
 
 def wrapped(line: str, columns: int, indent: int) -> list[str]:
-    """The rows of a formula.
-
-    Broken before signs, outside of parentheses where that leaves no short lines, and never between bars.
-    """
+    """The rows of a formula. Broken before signs, outside of parentheses where that leaves no short lines, and never
+    between bars."""
     rows: list[str] = []
     start = used = depth = bars = 0
     breaks: dict[int, int] = {}  # depth -> the last index at which a new line may begin
