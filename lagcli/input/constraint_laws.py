@@ -93,13 +93,12 @@ def inequality(formulas: Formulas, entry: yaml_tree.AnyNode) -> Inequality | Non
     if isinstance(entry, yaml_tree.Mapping):
         found = entries.fields(formulas, entry, keys.FORMAT.key("inequality")) or {}
     condition = None
-    if "condition" in found and isinstance(found["condition"], yaml_tree.Sequence):
+    node = found.get("condition")
+    if isinstance(node, yaml_tree.Sequence):
         message = "a condition is needed here, and this is a list"
-        formulas.report(
-            found["condition"], "bad-condition", message, "each condition has an entry of its own"
-        )
-    elif "condition" in found:
-        condition = formulas.parse(found["condition"], parser.parse_condition)
+        formulas.report(node, "bad-condition", message, "each condition has an entry of its own")
+    elif node is not None:
+        condition = formulas.parse(node, parser.parse_condition)
     algebra = FactsAlgebra(formulas.lookup, facts.POSITION, ONE_SIDED)
     if condition is not None and formulas.checked(_gap, condition, algebra) is None:
         condition = None

@@ -106,13 +106,8 @@ class _Document:
             self._formulas.report(self._root, "nothing-to-move", message)
         self._found.raise_errors()
         order = evaluation_order.evaluation(self._formulas, declared.particles, declared.definitions)
-        changes = {s: [one for one in of_members if one.section == s] for s in ("coordinates", "particles")}
-        coordinates = given_expression.changed(
-            self._formulas, declared.coordinates, changes["coordinates"], "coordinate"
-        )
-        particles = given_expression.changed(
-            self._formulas, declared.particles, changes["particles"], "particle"
-        )
+        coordinates = given_expression.changed(self._formulas, declared.coordinates, of_members, "coordinate")
+        particles = given_expression.changed(self._formulas, declared.particles, of_members, "particle")
         self._found.raise_errors()
         # It tells laws apart: those of the file, and positions of dependent particles, which a change may replace.
         laws = [part.text for p in particles if p.is_dependent for part in p.position.parts]
@@ -126,8 +121,8 @@ class _Document:
             order=order,
             structure=tuple(sorted(self._scope.names.structure.items())),
         )
-        notes = tuple(_degree_notes(self._root, found.expressions()))
-        return dataclasses.replace(found, warnings=(*found.warnings, *notes)) if notes else found
+        notes = _degree_notes(self._root, found.expressions())
+        return dataclasses.replace(found, warnings=(*found.warnings, *notes))
 
     def _declared(self) -> model.Model:
         """The sections of the document in their order, without what follows from all of them."""
@@ -145,9 +140,7 @@ class _Document:
         coordinates = self._named("coordinates", self._coordinate)
         particles, definitions = self._particles_and_definitions()
         node = self._written("lagrangian")
-        lagrangian = None
-        if node is not None:
-            lagrangian = self._formulas.scalar(node, facts.MOTION, "a Lagrangian")
+        lagrangian = None if node is None else self._formulas.scalar(node, facts.MOTION, "a Lagrangian")
         forces = self._forces(particles)
         holonomic = self._laws("holonomic", constraint_laws.holonomic)
         differential = self._laws("differential", constraint_laws.differential)
@@ -193,10 +186,8 @@ class _Document:
         self._file = self._root if same else key_hints.indented(self._file)[0]
         report = self._formulas.report
         for entry, key in flat:
-            message = f"the keys of `{entry.value}` are not indented below it"
-            hint = (
-                f"indent `{key.value}` and the keys after it, or write `{entry.value}: {{{key.value}: ...}}`"
-            )
+            message, short = f"the keys of `{entry.value}` are not indented below it", f"{{{key.value}: ...}}"
+            hint = f"indent `{key.value}` and the keys after it, or write `{entry.value}: {short}`"
             report(key, "not-a-mapping", message, hint)
         empty = ""
         for key, value in self._root:
@@ -258,10 +249,9 @@ class _Document:
         return None if formulas is None else entries.coordinate(formulas, name, node)
 
     def _particles_and_definitions(self) -> tuple[tuple[model.Particle, ...], tuple[model.Definition, ...]]:
-        names, readers = self._scope.names, {}
+        names, readers = self._scope.names, dict[str, entries.ParticleReader]()
         for name, node in self._entries("particles"):
-            formulas = self._formulas_of("particles", name)
-            if formulas is not None:
+            if (formulas := self._formulas_of("particles", name)) is not None:
                 reader = readers[name.value] = entries.ParticleReader(formulas, name, node)
                 names.define(name.value, reader.find, reader.uses)
         # Definitions must be known before positions are looked at: a position may use one.
@@ -273,26 +263,27 @@ class _Document:
             if expression is not None:
                 defined[name.value] = expression
                 uses = tree.names(expression.tree)
-            names.define(name.value, self._definition_finder(name.value, expression, order), uses)
+            find = functools.partial(self._definition, name.value, expression, order)
+            names.define(name.value, find, uses)
         # Positions as the file has them: a change may not make a function of an initial value, or the reverse.
         unchanged = None if self._file is self._root else self._file.get("particles")
         particles = []
         for word, reader in readers.items():
             names.settle(word)
             entry = unchanged.get(word) if isinstance(unchanged, yaml_tree.Mapping) else None
-            particles.append(
-                reader.read(entry.get("position") if isinstance(entry, yaml_tree.Mapping) else None)
-            )
-        definitions = [
-            model.Definition(word, expression)
-            for word, expression in defined.items()
-            if names.settle(word) is not None
-        ]
-        return tuple(particle for particle in particles if particle is not None), tuple(definitions)
+            position = entry.get("position") if isinstance(entry, yaml_tree.Mapping) else None
+            particles.append(reader.read(position))
+        settled = (
+            (word, expression) for word, expression in defined.items() if names.settle(word) is not None
+        )
+        definitions = tuple(model.Definition(*one) for one in settled)
+        return tuple(particle for particle in particles if particle is not None), definitions
 
-    def _definition_finder(
+    def _definition(
         self, name: str, expression: model.Expression | None, order: Mapping[str, int]
-    ) -> Callable[[], facts.Either | None]:
+    ) -> facts.Either | None:
+        """The facts of a definition, which may use those before it."""
+
         def lookup(node: tree.Node) -> facts.Either:
             used = str(getattr(node, "owner", ""))
             if used in order and order[used] >= order[name]:
@@ -300,12 +291,9 @@ class _Document:
                 raise ExpressionError("used-before-declared", message, node.start, node.end)
             return self._scope.lookup(node)
 
-        def find() -> facts.Either | None:
-            if expression is None:
-                return None
-            return self._formulas.either_facts(expression, facts.MOTION, "a definition", lookup)
-
-        return find
+        if expression is None:
+            return None
+        return self._formulas.either_facts(expression, facts.MOTION, "a definition", lookup)
 
     def _forces(self, particles: tuple[model.Particle, ...]) -> tuple[model.Force, ...]:
         masses = np.concatenate([np.zeros(0), *(particle.mass_values for particle in particles)])
@@ -366,9 +354,7 @@ class _Document:
             return None
         written = entries.written(formulas, node, "outputs", "expression")
         expression = None if written is None else formulas.parse(written, parser.parse)
-        value = None
-        if expression is not None:
-            value = formulas.either_facts(expression, facts.OUTPUT, "an output")
+        value = None if expression is None else formulas.either_facts(expression, facts.OUTPUT, "an output")
         self._scope.names.define(name.value, namespace.known(value))
         self._scope.names.settle(name.value)
         if expression is None or value is None:

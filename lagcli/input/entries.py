@@ -73,9 +73,8 @@ def parameter(
         vector = formulas.vector_expression(node)
         return None if vector is None else formulas.vector_facts(vector, facts.NOTHING, subject), None
     expression = formulas.parse(node, parser.parse)
-    if expression is None:
-        return None, None
-    return formulas.either_facts(expression, facts.NOTHING, subject), expression
+    found = None if expression is None else formulas.either_facts(expression, facts.NOTHING, subject)
+    return found, expression
 
 
 def coordinate(
@@ -197,18 +196,14 @@ def force(formulas: Formulas, node: yaml_tree.AnyNode) -> model.Force | None:
     targets = _targets(formulas, found["to"])
     if targets is None:
         return None
-    kind, action = targets
+    pushing, (kind, action) = found["force"], targets
     if kind == "coordinate":
-        expression = formulas.scalar(found["force"], facts.MOTION, "a generalized force")
-        if expression is None or not formulas.can_evaluate(
-            found["force"], expression.tree, action.targets.size
-        ):
+        expression = formulas.scalar(pushing, facts.MOTION, "a generalized force")
+        if expression is None or not formulas.can_evaluate(pushing, expression.tree, action.targets.size):
             return None
         return model.GeneralizedForce(formulas.members, action, expression)
-    vector, count = formulas.vector_expression(found["force"]), action.targets.size
-    if vector is None or not all(
-        formulas.can_evaluate(found["force"], part.tree, count) for part in vector.parts
-    ):
+    vector, count = formulas.vector_expression(pushing), action.targets.size
+    if vector is None or not all(formulas.can_evaluate(pushing, part.tree, count) for part in vector.parts):
         return None
     lookup = formulas.scope.lookup_in(formulas.members, own=True)
     own = formulas.vector_facts(vector, facts.FORCE, "the force on a particle", lookup)
@@ -344,19 +339,19 @@ def rigid(formulas: Formulas, name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -
     if named is None:
         return None
     numbers = [number for _, found, _ in named for number in found.tolist()]
-    good = len(set(numbers)) == len(numbers)
-    if not good:
-        seen: set[int] = set()
-        for item, (_, found, _) in zip(name_list(formulas, node) or (), named, strict=True):
-            if seen & set(found.tolist()):
-                message = f"the particle `{item.value}` occurs twice in the body"
-                hint = "list each particle once: its distance to itself is no constraint"
-                formulas.report(item, "duplicate-name", message, hint)
-            seen |= set(found.tolist())
+    good, seen = True, set[int]()
+    for item, (_, found, _) in zip(name_list(formulas, node) or (), named, strict=True):
+        if seen & set(found.tolist()):
+            message = f"the particle `{item.value}` occurs twice in the body"
+            hint = "list each particle once: its distance to itself is no constraint"
+            formulas.report(item, "duplicate-name", message, hint)
+            good = False
+        seen |= set(found.tolist())
     if len(numbers) < 2:
-        message = "a rigid body needs at least two particles"
-        formulas.report(
-            node, "too-few-particles", message, "a particle alone needs nothing to hold it together"
+        message, hint = (
+            "a rigid body needs at least two particles",
+            "a particle alone needs nothing to hold it together",
         )
+        formulas.report(node, "too-few-particles", message, hint)
         good = False
     return model.RigidBody(name.value, tuple(numbers), name.location) if good else None

@@ -112,11 +112,8 @@ def _in_order(formulas: Formulas, every: MemberIndex, units: dict[int, _Unit]) -
     while ready := order.get_ready():
         for number in sorted({number for number, _ in ready}):
             unit = units[number]
-            members = sorted(member for n, member in ready if n == number)
-            batch = (
-                unit.members.base if unit.entry is None else Batch(unit.entry, np.array(members, np.int64))
-            )
-            steps.append(batch)
+            members = np.array(sorted(member for n, member in ready if n == number), np.int64)
+            steps.append(unit.members.base if unit.entry is None else Batch(unit.entry, members))
         for done in ready:
             del needs[done]
         order.done(*ready)

@@ -73,10 +73,8 @@ def function(model: nouns.Model, text: str, label: str) -> nouns.Expression:
         names.define(key, namespace.known((part, part, part)))
     for definition in model.definitions:
         names.declare(definition.name, definition.name, "definition")
-        facts_of = functools.partial(
-            formulas.either_facts, definition.expression, facts.MOTION, "a definition"
-        )
-        names.define(definition.name, facts_of)
+        given = definition.expression, facts.MOTION, "a definition"
+        names.define(definition.name, functools.partial(formulas.either_facts, *given))
     expression = formulas.parse(yaml_tree.scalar(text, label), parser.parse)
     value = None if expression is None else formulas.facts(expression, POSITIONS, "this function")
     if value is not None and value.value is not None:
@@ -108,10 +106,12 @@ Declared = TypeVar("Declared", nouns.Coordinate, nouns.Particle)
 def changed(
     formulas: Formulas, read: Sequence[Declared], changes: Sequence[OfMember], kind: Kind
 ) -> tuple[Declared, ...]:
-    """The coordinates or particles with the changes made. What is wrong with a value is reported. Raises
+    """The coordinates or particles with the changes to them made. What is wrong with a value is reported. Raises
     `OverrideError` where there is no such member."""
     found = list(read)
     for change in changes:
+        if change.section != f"{kind}s":
+            continue
         try:
             written = parser.parse_reference(change.owner)
             assert isinstance(written, tree.Index)

@@ -50,12 +50,10 @@ def key(owner: keys.Key, name: yaml_tree.Scalar, value: yaml_tree.AnyNode) -> st
 
 def meant_keys(owner: keys.Key, names: Iterable[yaml_tree.Scalar]) -> set[str]:
     """The keys that unknown ones stand for: these are not missing as well."""
-    found = set()
+    found, meant = set(), diagnostics.meant(f"keys of {owner.name}")
     for name in names:
         word = name.value.partition(":")[0]
-        found.add(
-            word if word in owner.names else diagnostics.meant(f"keys of {owner.name}").get(name.value, "")
-        )
+        found.add(word if word in owner.names else meant.get(name.value, ""))
         if owner.name == "particles" and name.value in ("x", "y", "z"):
             found.add("position")
     return found
@@ -72,9 +70,8 @@ def shape(owner: keys.Key, node: yaml_tree.AnyNode) -> str:
     if owner.name == "forces":
         written = node.value if isinstance(node, yaml_tree.Scalar) else "[...]"
         vector = written if written.startswith("[") and len(written) < 60 else "[fx, fy, fz]"
-        return (
-            f"a force says what it acts on: `{{to: all, force: {vector}}}`; a potential is `{{potential: V}}`"
-        )
+        short = f"`{{to: all, force: {vector}}}`"
+        return f"a force says what it acts on: {short}; a potential is `{{potential: V}}`"
     if owner.name == "particles":
         return "write `{mass: 1, position: [x, y, z]}`"
     if owner.name == "events" and isinstance(node, yaml_tree.Scalar) and 0 < len(node.value) < 60:

@@ -28,9 +28,8 @@ def event(formulas: Formulas, name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -
     value = None if when is None else formulas.facts(when, facts.OUTPUT, "an event")
     if value is not None and value.value is not None:
         message = "this expression is a constant, and an event is where one crosses zero"
-        formulas.report(
-            found["when"], "never-crosses", message, "for example `a.z`, or `t - 1` for an instant"
-        )
+        hint = "for example `a.z`, or `t - 1` for an instant"
+        formulas.report(found["when"], "never-crosses", message, hint)
         value = None
     direction = _word(formulas, found, "direction", "both", DIRECTIONS)
     action = _word(formulas, found, "action", "record", ACTIONS)
