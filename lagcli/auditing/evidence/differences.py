@@ -8,10 +8,10 @@ that the ends have one-sided stencils and wider bounds.
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import itertools
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,9 +25,8 @@ HALF = 0.5  # of some rows or numbers: most of them; and by how much a finer for
 TENTH = 0.1  # of a quantity: what is less may vanish by chance, and decides nothing
 # The tests of what follows are in `tests/unit/test_numbers_of_stencils.py`.
 WIDTHS = (5, 7, 9, 11, 13)  # rows of a stencil: wider ones have less truncation and more noise
-BESIDE = (
-    WIDTHS[-1] // 2
-)  # rows on either side of the widest one, of which an integral is exact with as many nodes
+# Rows on either side of the widest one, of which an integral is exact with as many nodes
+BESIDE = WIDTHS[-1] // 2
 REACH = 4  # rows on either side within which a truncation counts
 BLOCK = 64  # rows at a time
 CAUTION = 8.0  # times the difference of two stencils: the limit
@@ -39,8 +38,7 @@ ROUGH, KINKED_END = 8, 1.5
 CLOCK = 8 * doubles.EPS  # of the largest time: how well the times are known
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Estimate:
+class Estimate(NamedTuple):
     """A value (T, k) with the bounds of its noise and of its truncation, (T, k) each."""
 
     value: Array
@@ -79,26 +77,21 @@ class DifferenceGrid:
         ends = np.concatenate([self._steps[:1], self._steps, self._steps[-1:]])
         clock = self.clock / np.minimum(ends[:-1], ends[1:])[:, None]
         best: Estimate | None = None
-        narrower, before = None, np.zeros(y.shape)
-        for indices, weights in self._stencils:
+        narrower, before = combined(*self._stencils[0], y, about=True), np.zeros(y.shape)
+        for indices, weights in self._stencils[1:]:
             slope = combined(indices, weights, y, about=True)
-            if narrower is not None:
-                now = np.abs(slope - narrower)
-                larger = np.maximum(now, TENTH * before)
-                wrong, before = CAUTION * widest(larger, REACH), now
-                wrong[indices[:, 0] != np.arange(len(y)) - indices.shape[1] // 2] *= ONE_SIDED
-                sizes = np.abs(weights)
-                total = sizes.sum(axis=1)[:, None]
-                spread = total * noise if noise.ndim == 1 else combined(indices, sizes, noise)
-                spread = spread + clock * np.abs(slope) + 4 * doubles.EPS * total * np.abs(y)
-                wider = Estimate(slope, spread, wrong)
-                if best is not None:
-                    keep = best.bound <= wider.bound
-                    value = np.where(keep, best.value, slope)
-                    noise_of_best = np.where(keep, best.noise, spread)
-                    wider = Estimate(value, noise_of_best, np.where(keep, best.truncation, wrong))
-                best = wider
-            narrower = slope
+            now = np.abs(slope - narrower)
+            wrong = CAUTION * widest(np.maximum(now, TENTH * before), REACH)
+            wrong[indices[:, 0] != np.arange(len(y)) - indices.shape[1] // 2] *= ONE_SIDED
+            sizes = np.abs(weights)
+            total = sizes.sum(axis=1)[:, None]
+            spread = total * noise if noise.ndim == 1 else combined(indices, sizes, noise)
+            spread = spread + clock * np.abs(slope) + 4 * doubles.EPS * total * np.abs(y)
+            wider = Estimate(slope, spread, wrong)
+            if best is not None:
+                keep = best.bound <= wider.bound
+                wider = Estimate(*(np.where(keep, old, new) for old, new in zip(best, wider, strict=True)))
+            best, narrower, before = wider, slope, now
         assert best is not None
         return best
 
@@ -117,7 +110,7 @@ class DifferenceGrid:
     def integral(self, y: Array, noise: Array) -> Estimate:
         """The integrals of columns y (T, k), known to `noise`, from the first row to each; the noise is that of sums.
         Where the spacing does not resolve them, at a kink or all along, the second differences around bound a step."""
-        increments, wrong = np.zeros((len(self.t) - 1, y.shape[1])), np.zeros((len(self.t) - 1, y.shape[1]))
+        increments = wrong = np.zeros((len(self.t) - 1, y.shape[1]))
         if len(self.t) > 1:
             sums = [combined(indices, weights, y) for indices, weights in self._quadrature]
             increments = sums[0]
