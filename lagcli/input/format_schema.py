@@ -109,21 +109,11 @@ def _described(key: keys.Key) -> Schema:
     meaning = key.meaning[0].upper() + key.meaning[1:] + "."
     if key.default:
         meaning += f" Default: {key.default}."
-    found: Schema = {"description": meaning, **_value(key)}
-    if key.example:
-        found["examples"] = [_written(key.example)]
-    default = _written(key.default) if key.default else None
-    if default is not None and (not isinstance(default, str) or " " not in default):
-        found["default"] = default
-    return found
-
-
-def _value(key: keys.Key) -> Schema:
+    found: Schema = {"description": meaning}
     if key.entries:
         # The names that entries of a section may have
         kinds = dict(entry_names.NAMING)
         columns = namespace.NOT_FOR_COLUMNS if kinds.get(key.name) in namespace.NUMBERED else ()
-        closed = (*namespace.RESERVED, *columns)
         pattern = f"^{_WORD}{_INDICES if key.name in entry_names.FAMILIES else ''}$"
         # An entry is a mapping, its short form, or either.
         forms: list[Json] = [_mapping(key)] if key.keys else []
@@ -131,16 +121,21 @@ def _value(key: keys.Key) -> Schema:
             forms.append(_shape(key.holds))
         elif key.short:
             forms += [_shape(key.short), {"type": "null"}]
-        return {
-            "type": ["object", "null"],
-            "propertyNames": {"pattern": pattern, "not": {"enum": list(closed)}},
-            "additionalProperties": forms[0] if len(forms) == 1 else {"anyOf": forms},
-        }
-    if key.keys:
-        return {**_mapping(key), "type": ["object", "null"]}
-    if key.name == "lagrangian":  # a section too: it may be left empty
-        return {"type": ["string", "number", "null"]}
-    return _shape(key.holds)
+        found["type"] = ["object", "null"]
+        found["propertyNames"] = {"pattern": pattern, "not": {"enum": [*namespace.RESERVED, *columns]}}
+        found["additionalProperties"] = forms[0] if len(forms) == 1 else {"anyOf": forms}
+    elif key.keys:
+        found |= {**_mapping(key), "type": ["object", "null"]}
+    elif key.name == "lagrangian":  # a section too: it may be left empty
+        found["type"] = ["string", "number", "null"]
+    else:
+        found |= _shape(key.holds)
+    if key.example:
+        found["examples"] = [_written(key.example)]
+    default = _written(key.default) if key.default else None
+    if default is not None and (not isinstance(default, str) or " " not in default):
+        found["default"] = default
+    return found
 
 
 def _shape(holds: str) -> Schema:

@@ -62,10 +62,19 @@ def apply(
                 _require_scalar(name, node)
             of_members.append(OfMember(name, section, owner, field, axis, node))
             continue
-        if axis is not None:
+        if axis is not None:  # a vector with one component changed
             if not isinstance(entry, yaml_tree.Mapping):
                 raise OverrideError(_unknown(root, name))
-            node = _with_component(entry, name, (owner, field, axis), node)
+            old = entry.get(field)
+            if old is None and field == "velocity":
+                zero = yaml_tree.scalar("0", f"--set {name}")
+                old = yaml_tree.Sequence(zero.text, 0, 0, (zero, zero, zero))
+            if not isinstance(old, yaml_tree.Sequence) or len(old.items) != 3:
+                sentence = f"the {field} of `{owner}` is one expression; set `{owner}.{field}` whole"
+                raise OverrideError(f"--set {name}: {sentence}")
+            _require_scalar(name, node)
+            items = tuple(node if i == axis else item for i, item in enumerate(old.items))
+            node = dataclasses.replace(old, items=items)
         elif yaml_tree.is_empty(entry):
             entry = yaml_tree.Mapping(entry.text, entry.start, entry.end, ())
         elif section == "coordinates" and isinstance(entry, yaml_tree.Scalar):
@@ -103,23 +112,6 @@ def _node(label: str, value: object) -> yaml_tree.AnyNode:
             return yaml_tree.Sequence(yaml_tree.as_text("", label), 0, 0, items)
     kind = type(value).__name__
     raise OverrideError(f"{label}: a number, an expression or three numbers are needed, not {kind}")
-
-
-def _with_component(
-    entry: yaml_tree.Mapping, name: str, path: tuple[str, str, int], value: yaml_tree.AnyNode
-) -> yaml_tree.Sequence:
-    """A vector of an entry with one component changed."""
-    owner, field, axis = path
-    old = entry.get(field)
-    if old is None and field == "velocity":
-        zero = yaml_tree.scalar("0", f"--set {name}")
-        old = yaml_tree.Sequence(zero.text, 0, 0, (zero, zero, zero))
-    if not isinstance(old, yaml_tree.Sequence) or len(old.items) != 3:
-        sentence = f"the {field} of `{owner}` is one expression; set `{owner}.{field}` whole"
-        raise OverrideError(f"--set {name}: {sentence}")
-    _require_scalar(name, value)
-    items = tuple(value if i == axis else item for i, item in enumerate(old.items))
-    return dataclasses.replace(old, items=items)
 
 
 def _require_scalar(name: str, value: yaml_tree.AnyNode) -> None:

@@ -138,7 +138,15 @@ def steps(e: Evidence) -> list[Check]:
         if 2 in grid.orders:
             bends = [grid.spread(2, each.rate) / each.root for each in every_quantity if each.second is None]
             shown = np.linalg.norm(np.concatenate(bends, axis=1), axis=1)
-        push = _hidden_push(e, wrong, TWICE * shown)
+        # The excess of forces between the rows over those at the ends, where it is larger than what rows show, and of
+        # impulses, which no row shows
+        push = np.zeros(len(grid.h))
+        for first in range(0, len(wrong), AT_ONCE):
+            some = wrong[first : first + AT_ONCE]
+            pushes, impulses = _pushes(e, some)
+            push[some] = np.maximum(np.where(pushes > TWICE * shown[some], pushes, 0.0), impulses)
+            if not push[some].any():
+                break
         e.hidden |= push > 0
         # The most that a push within a step changes: a momentum, or a position
         changes = (
@@ -198,19 +206,6 @@ def judged_steps(grid: TableSteps, quantity: Quantity, fast: Array) -> tuple[Arr
     close = truncation <= np.maximum(TENTH * h * quantity.size, best - truncation)
     judged = (close | (np.abs(residual) > best)) & ~quantity.coarse
     return residual, best, judged
-
-
-def _hidden_push(e: Evidence, steps: Array, shown: Array) -> Array:
-    """The excess of the forces between the rows of steps over those at their ends, (T - 1,): of steps (K,), the worst
-    first, where it is larger than `shown` (T - 1,), and of impulses, which no row shows."""
-    excess = np.zeros(len(e.record.t) - 1)
-    for first in range(0, len(steps), AT_ONCE):
-        some = steps[first : first + AT_ONCE]
-        push, impulses = _pushes(e, some)
-        excess[some] = np.maximum(np.where(push > shown[some], push, 0.0), impulses)
-        if not excess[some].any():
-            break
-    return excess
 
 
 def _pushes(e: Evidence, steps: Array) -> tuple[Array, Array]:

@@ -69,24 +69,35 @@ def _print_report(found: Displacements) -> None:
         f" {console.counted(bases.dimension, 'virtual displacement')}"
     )
     print()
-    _table(found)
+    # Displacements of the coordinates, and of particles that have none of their own
+    shown, rows = min(bases.dimension, MOST_COLUMNS), []
+    allowed, allowed_r = found.contacts.allowed, found.allowed_r
+    for i, name in enumerate(parts.names):
+        last = "-" if allowed is None else _entry(allowed[i])
+        rows.append([name, *map(_entry, bases.virtual[i, :shown]), last])
+    own = {name.rpartition(".")[0] for name in parts.names}
+    for k, particle in enumerate(found.particles):
+        for j, axis in enumerate("xyz" if particle not in own else ""):
+            last = "-" if allowed_r is None else _entry(allowed_r[k, j])
+            rows.append([f"{particle}.{axis}", *map(_entry, found.virtual_r[k, j, :shown]), last])
+    console.table(["", *(f"δ{i}" for i in range(1, shown + 1)), "allowed"], rows, {})
     print()
     console.paragraph(f"δ1, δ2, ...: a basis of the virtual displacements (D.9), {METRICS[bases.metric]}")
-    if found.contacts.allowed is None or found.allowed_r is None:
-        allowed = "allowed: none is told; a note says why"
+    if allowed is None or allowed_r is None:
+        sentence = "allowed: none is told; a note says why"
     elif found.contacts.are_closed:
-        allowed = (
+        sentence = (
             "allowed: the shortest displacement over dt = 1 that rows (D.6) and closed contacts, G dr + g_t dt >= 0,"
             " leave; adding free and one-sided ones gives others"
         )
-    elif found.contacts.allowed.any() or found.allowed_r.any():
-        allowed = (
+    elif allowed.any() or allowed_r.any():
+        sentence = (
             "allowed: a displacement over dt = 1, the shortest in that metric; adding virtual ones gives all allowed"
             " displacements (D.6)"
         )
     else:
-        allowed = "nothing is driven at this instant: the allowed displacements (D.6) are the virtual ones"
-    console.paragraph(allowed)
+        sentence = "nothing is driven at this instant: the allowed displacements (D.6) are the virtual ones"
+    console.paragraph(sentence)
     console.paragraph(
         f"|B δr| <= {bases.residual:.1e}, |B dr + b dt| <= {bases.allowed_residual:.1e} for rows of length one"
     )
@@ -139,24 +150,6 @@ def _contacts(found: Displacements) -> None:
         counts = Counter(one.kind for one in directions)
         told = ", ".join(f"{counts[kind]} {kind}" for kind in counts)
         print(f"{told}: {len(directions) - MOST_COLUMNS} more are given with --json")
-
-
-def _table(found: Displacements) -> None:
-    """Displacements of the coordinates, and of particles that have none of their own."""
-    bases, names = found.bases, found.components.names
-    allowed, allowed_r = found.contacts.allowed, found.allowed_r
-    shown = min(bases.dimension, MOST_COLUMNS)
-    rows = []
-    for i, name in enumerate(names):
-        last = "-" if allowed is None else _entry(allowed[i])
-        rows.append([name, *map(_entry, bases.virtual[i, :shown]), last])
-    own = {name.rpartition(".")[0] for name in names}
-    for k, particle in enumerate(found.particles):
-        if particle not in own:
-            for j, axis in enumerate("xyz"):
-                last = "-" if allowed_r is None else _entry(allowed_r[k, j])
-                rows.append([f"{particle}.{axis}", *map(_entry, found.virtual_r[k, j, :shown]), last])
-    console.table(["", *(f"δ{i}" for i in range(1, shown + 1)), "allowed"], rows, {})
 
 
 def _sum(terms: list[tuple[float, str]]) -> str:

@@ -59,8 +59,25 @@ def print_report(model: Model, found: StaticReport, output: str | None, as_json:
             sink.write(numbers, [types])
     if as_json:
         print(formats.json_line(found.as_json()))
-    elif output != "-":
-        _print_report(found)
+    elif output != "-" and found.points:
+        first = found.points[0]
+        names = [*first.at, *(f"lambda.{name}" for name in first.multipliers)]
+        shown = names[:MOST_COLUMNS]
+        rows = []
+        for number, point in enumerate(found.points[:MOST_ROWS]):
+            values = [*point.at.values(), *point.multipliers.values()][: len(shown)]
+            kind = point.type or "-"
+            if point.dimension:
+                kind += f", continuum of dimension {point.dimension}"
+            index = "-" if point.index is None else str(point.index)
+            value = "-" if point.value is None else _entry(point.value)
+            rows.append([str(number), value, kind, index, *map(_entry, values), f"{point.residual:.1e}"])
+        console.table(["", found.called, "type", "index", *shown, "residual"], rows, {})
+        if len(names) > len(shown) or len(found.points) > MOST_ROWS:
+            console.paragraph("more columns and rows are given with --json and -o FILE")
+        count, starts = console.counted(len(found.points), "point"), console.counted(found.starts, "start")
+        proved = "; it is proved that there are no others" if found.complete else "; there may be others"
+        console.paragraph(f"{count} from {starts}{proved}")
     exits.print_notes(found.notes, quiet)
     if not found.points:
         best = ""
@@ -71,30 +88,6 @@ def print_report(model: Model, found: StaticReport, output: str | None, as_json:
         what = "stationary point" if found.called == "value" else "point of rest"
         exits.print_err(f"lagcli: no {what} was found from {console.counted(found.starts, 'start')}{best}")
         raise exits.Exit(exits.UNDECIDED)
-
-
-def _print_report(found: StaticReport) -> None:
-    if not found.points:
-        return
-    first = found.points[0]
-    names = [*first.at, *(f"lambda.{name}" for name in first.multipliers)]
-    shown = names[:MOST_COLUMNS]
-    rows = []
-    for number, point in enumerate(found.points[:MOST_ROWS]):
-        values = [*point.at.values(), *point.multipliers.values()][: len(shown)]
-        kind = point.type or "-"
-        if point.dimension:
-            kind += f", continuum of dimension {point.dimension}"
-        index = "-" if point.index is None else str(point.index)
-        value = "-" if point.value is None else _entry(point.value)
-        rows.append([str(number), value, kind, index, *map(_entry, values), f"{point.residual:.1e}"])
-    console.table(["", found.called, "type", "index", *shown, "residual"], rows, {})
-    hidden = len(names) - len(shown)
-    if hidden or len(found.points) > MOST_ROWS:
-        console.paragraph("more columns and rows are given with --json and -o FILE")
-    count, starts = console.counted(len(found.points), "point"), console.counted(found.starts, "start")
-    proved = "; it is proved that there are no others" if found.complete else "; there may be others"
-    console.paragraph(f"{count} from {starts}{proved}")
 
 
 def _entry(value: float) -> str:

@@ -84,7 +84,23 @@ def modes(
 def _print_report(found: Modes) -> None:
     """The modes as a table, then the verdict and the state about which the equations are linear."""
     if found.count:
-        headers, rows = _table(found)
+        # A line for each multiplier, frequency, or else for each eigenvalue, of two that are conjugate one
+        unit, rows = found.units.time if found.units else "s", []
+        if found.multipliers is not None:
+            headers = ["", "real part", "imaginary part", "size"]
+            for k, z in enumerate(found.multipliers[:MOST_MODES], 1):
+                rows.append([str(k), f"{z.real:.10g}", f"{z.imag:.10g}", f"{abs(z):.10g}"])
+        elif found.frequencies is not None:
+            headers = ["", f"ω (1/{unit})", f"period ({unit})", "shape"]
+            for k, w in enumerate(found.frequencies[:MOST_MODES]):
+                period, shape = f"{2 * math.pi / w:.6g}" if w else "", _shape(found, k)
+                rows.append([str(k + 1), f"{w:.10g}", period, shape])
+        else:
+            headers = ["", f"real part (1/{unit})", f"imaginary part (1/{unit})", "shape"]
+            for k, z in enumerate(found.eigenvalues[:MOST_MODES]):
+                if z.imag >= 0:
+                    imaginary = f"{'±' if z.imag else ''}{abs(z.imag):.10g}"
+                    rows.append([str(len(rows) + 1), f"{z.real + 0.0:.10g}", imaginary, _shape(found, k)])
         console.table(headers, rows, {})
         count = max(len(found.shapes), 0 if found.multipliers is None else len(found.multipliers))
         print()
@@ -98,30 +114,12 @@ def _print_report(found: Modes) -> None:
     console.paragraph(f"linearized at {', '.join(named[:MOST_COORDINATES])}{more}")
 
 
-def _table(found: Modes) -> tuple[list[str], list[list[str]]]:
-    """A line for each multiplier, frequency, or else for each eigenvalue, of two that are conjugate one."""
-    unit = found.units.time if found.units else "s"
-    rows = []
-    if found.multipliers is not None:
-        for k, z in enumerate(found.multipliers[:MOST_MODES]):
-            rows.append([str(k + 1), f"{z.real:.10g}", f"{z.imag:.10g}", f"{abs(z):.10g}"])
-        return ["", "real part", "imaginary part", "size"], rows
-    if found.frequencies is not None:
-        for k, w in enumerate(found.frequencies[:MOST_MODES]):
-            period = f"{2 * math.pi / w:.6g}" if w else ""
-            rows.append([str(k + 1), f"{w:.10g}", period, _shape(found, k) if k < len(found.shapes) else ""])
-        return ["", f"ω (1/{unit})", f"period ({unit})", "shape"], rows
-    for k, z in enumerate(found.eigenvalues[:MOST_MODES]):
-        if z.imag >= 0:
-            imaginary = f"{'±' if z.imag else ''}{abs(z.imag):.10g}"
-            rows.append([str(len(rows) + 1), f"{z.real + 0.0:.10g}", imaginary, _shape(found, k)])
-    return ["", f"real part (1/{unit})", f"imaginary part (1/{unit})", "shape"], rows
-
-
 def _shape(found: Modes, k: int) -> str:
-    """The largest entries of a shape by name."""
+    """The largest entries of a shape by name; nothing where it is not known."""
     import numpy as np
 
+    if k >= len(found.shapes):
+        return ""
     shape = found.shapes[k]
     order = np.argsort(-np.abs(shape).round(9), kind="stable")
     largest = sorted(int(i) for i in order[:MOST_COORDINATES] if shape[i])

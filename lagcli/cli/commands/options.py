@@ -278,7 +278,7 @@ def follow(
     """
     if "-" in paths:
         raise exits.UsageError("--watch needs a file: standard input is read once")
-    pause = pause or _pause
+    pause = pause or functools.partial(time.sleep, status_line.TICK)
 
     def stamps() -> list[tuple[int, int, int] | None]:
         """Time of change, size and number of each file, by which it is known again; None where it is not there."""
@@ -306,7 +306,3 @@ def follow(
         while settled != now:
             pause()
             settled, now = now, stamps()
-
-
-def _pause() -> None:
-    time.sleep(status_line.TICK)

@@ -110,7 +110,16 @@ def symbolic(
     table = SymbolTable(model, values)
     calculus, names, index = table.calculus, tuple(table.coordinates), table.index
     rows = tuple(_rows(table, bodies))
-    potentials = tuple(_potentials(table))
+    # The terms of V: declared potentials, and -F.r of constant forces
+    potentials: list[sympy.Expr] = []
+    for force in model.forces:
+        if isinstance(force, nouns.Potential):
+            for member in range(force.members.count):
+                potentials.append(table.evaluated(force.expression, view(force.members, member)))
+        elif isinstance(force, nouns.ParticleForce) and force.constant:
+            for number, F in _on_particles(table, force):
+                r = table.position(number)
+                potentials.append(-sum((f * x for f, x in zip(F, r, strict=True)), ZERO))
     forces, Q = _forces(table)
     general = _kinetic(table)
     extra = ZERO if model.lagrangian is None else table.evaluated(model.lagrangian)
@@ -125,8 +134,8 @@ def symbolic(
         for i in map(names.index, own):
             M[i, i] = M.get((i, i), ZERO) + table.mass(number)
     alone = {names.index(f"{table.particles.names[number]}.{axis}") for number in newton for axis in "xyz"}
-    for i, force in Q.items():
-        h[i] += force
+    for i, push in Q.items():
+        h[i] += push
     for term in potentials:
         for x in calculus.symbols(term) & index.keys():
             h[index[x]] -= calculus.partial(term, x)
@@ -145,7 +154,7 @@ def symbolic(
         lagrange=tuple(i for i in range(len(names)) if i not in alone),
         general=general,
         extra=extra,
-        potentials=potentials,
+        potentials=tuple(potentials),
         forces=forces,
         Q=Q,
         M=M,
@@ -158,18 +167,6 @@ def symbolic(
 
 def _multipliers(rows: Sequence[SymbolicRow]) -> tuple[sympy.Symbol, ...]:
     return tuple(sympy.Symbol(f"lambda.{row.name}", real=True) for row in rows)
-
-
-def _potentials(table: SymbolTable) -> Iterator[sympy.Expr]:
-    """The terms of V: declared potentials, and -F.r of constant forces."""
-    for force in table.model.forces:
-        if isinstance(force, nouns.Potential):
-            for member in range(force.members.count):
-                yield table.evaluated(force.expression, view(force.members, member))
-        elif isinstance(force, nouns.ParticleForce) and force.constant:
-            for number, F in _on_particles(table, force):
-                r = table.position(number)
-                yield -sum((f * x for f, x in zip(F, r, strict=True)), ZERO)
 
 
 def _on_particles(table: SymbolTable, force: nouns.ParticleForce) -> Iterator[tuple[int, Triple]]:
