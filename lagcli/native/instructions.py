@@ -1,39 +1,40 @@
 """The instructions of one function of LLVM's text, written one after the other.
 
-Numbers are doubles, in values (`%x1`) or in arrays, which are addresses.
+Numbers are doubles, in values (`%x1`) or in arrays, which are addresses. What is done alike to all entries of arrays is
+done to some of them at a time.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-# Loops over so few numbers are written out.
+# So many entries are done at a time: what each of them becomes does not depend on it.
+LANES = 4
+DOUBLE, DOUBLES = "double", f"<{LANES} x double>"
+# Loops of so few turns are written out.
 WRITTEN_OUT = 4
 
 Index = int | str
 
 
 class Body:
-    """The instructions of one function."""
+    """The instructions of one function, which has memory for `taken` numbers; kind: of the numbers that instructions
+    are about just now, one double or some at a time."""
 
     def __init__(self, declared: set[str]) -> None:
         self._declared = declared
-        self._rooms: dict[str, int] = {}
+        self._rooms: list[str] = []
         self._lines: list[str] = []
         self._count = 0
+        self.taken = 0
+        self.kind = DOUBLE
 
-    def definition(self, name: str, arguments: str) -> str:
-        """The text of the function."""
-        head = f"define void @{name}({arguments}) nounwind {{\nentry:"
-        rooms = [
-            f"  {room} = alloca [{max(size, 1)} x double], align 16" for room, size in self._rooms.items()
-        ]
-        return "\n".join([head, *rooms, *self._lines, "  ret void", "}"])
-
-    @property
-    def stack(self) -> int:
-        """The bytes of its rooms."""
-        return 8 * sum(self._rooms.values())
+    def definition(self, name: str, arguments: str, first: str = "") -> str:
+        """The text of the function; of its arguments, or its first instructions, one is `%work`: memory for what it
+        and those that it calls take."""
+        head = f"define void @{name}({arguments}) nounwind {{\nentry:{first}"
+        rest = f"  %deeper = getelementptr inbounds double, ptr %work, i64 {self.taken}"
+        return "\n".join([head, *self._rooms, rest, *self._lines, "  ret void", "}"])
 
     def add(self, line: str) -> None:
         """An instruction without a result."""
@@ -52,11 +53,12 @@ class Body:
         )
         return self.value(f"call double @{name}({', '.join(f'double {a}' for a in arguments)})")
 
-    def room(self, size: int, name: str | None = None) -> str:
-        """The address of memory on the stack for so many numbers, and no fewer than before under a name."""
-        name = name or f"%w{len(self._rooms)}"
-        self._rooms[name] = max(size, self._rooms.get(name, 0))
-        return name
+    def room(self, size: int) -> str:
+        """The address of memory for so many numbers."""
+        room = f"%w{self.taken}"
+        self._rooms.append(f"  {room} = getelementptr inbounds double, ptr %work, i64 {self.taken}")
+        self.taken += max(1, size)
+        return room
 
     def address(self, array: str, index: Index) -> str:
         """Where a number of an array stands."""
@@ -64,11 +66,20 @@ class Body:
 
     def load(self, array: str, index: Index) -> str:
         """A number of an array."""
-        return self.value(f"load double, ptr {self.address(array, index)}, align 8")
+        return self.value(f"load {self.kind}, ptr {self.address(array, index)}, align 8")
 
     def store(self, number: str, array: str, index: Index) -> None:
         """Write a number of an array."""
-        self.add(f"store double {number}, ptr {self.address(array, index)}, align 8")
+        self.add(f"store {self.kind} {number}, ptr {self.address(array, index)}, align 8")
+
+    def everywhere(self, number: str) -> str:
+        """A number in all places of those that are done at a time."""
+        if not number.startswith("%"):
+            return f"<{', '.join([f'double {number}'] * LANES)}>"
+        first = self.value(f"insertelement {DOUBLES} poison, double {number}, i64 0")
+        return self.value(
+            f"shufflevector {DOUBLES} {first}, {DOUBLES} poison, <{LANES} x i32> zeroinitializer"
+        )
 
     def label(self, name: str) -> None:
         """A place to go to, which the instruction before it leads to."""
@@ -89,9 +100,21 @@ class Body:
 
     def each(self, size: int, body: Callable[[Index], None]) -> None:
         """Body(i) for i from 0 to size."""
-        if size <= WRITTEN_OUT:
-            for i in range(size):
-                body(i)
+        self._turns(size, 1, body)
+
+    def some(self, size: int, body: Callable[[Index], None]) -> None:
+        """Body(i) for entries i, i + 1, ... of `LANES` at a time: the last of them are done again if need be."""
+        turns, left = divmod(size, LANES)
+        self.kind = DOUBLES
+        self._turns(turns, LANES, body)
+        if left:
+            body(size - LANES)
+        self.kind = DOUBLE
+
+    def _turns(self, turns: int, step: int, body: Callable[[Index], None]) -> None:
+        if turns <= WRITTEN_OUT:
+            for i in range(turns):
+                body(i * step)
             return
         self._count += 1
         loop = self._count
@@ -99,11 +122,12 @@ class Body:
         self.label(f"loop{loop}")
         self.add(f"%k{loop} = phi i64 [ 0, %before{loop} ], [ %next{loop}, %loop{loop} ]")
         body(f"%k{loop}")
-        self.add(f"%next{loop} = add nuw nsw i64 %k{loop}, 1")
-        is_last = self.value(f"icmp eq i64 %next{loop}, {size}")
+        self.add(f"%next{loop} = add nuw nsw i64 %k{loop}, {step}")
+        is_last = self.value(f"icmp eq i64 %next{loop}, {turns * step}")
         self.add(f"br i1 {is_last}, label %after{loop}, label %loop{loop}")
         self._lines.append(f"after{loop}:")
 
     def copy(self, source: str, target: str, size: int) -> None:
         """Copy so many numbers."""
-        self.each(size, lambda i: self.store(self.load(source, i), target, i))
+        do = self.each if size < LANES else self.some
+        do(size, lambda i: self.store(self.load(source, i), target, i))

@@ -74,6 +74,10 @@ class MachineCode:
         self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
         self._engine.finalize_object()
 
+    def number(self, name: str) -> int:
+        """A number that it holds."""
+        return ctypes.c_int64.from_address(self._engine.get_global_value_address(name)).value
+
     def function(self, name: str) -> Callable[[ctypes.Array[ctypes.c_void_p]], None]:
         """A function of one table of addresses; others run while it does."""
         function: Any = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self._engine.get_function_address(name))

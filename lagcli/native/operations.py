@@ -26,7 +26,9 @@ class Refusal(Exception):
 
 
 class Lines(Protocol):
-    """A list of instructions that grows."""
+    """A list of instructions that grows, about numbers of one kind."""
+
+    kind: str
 
     def value(self, instruction: str) -> str:
         """Add an instruction, and return the name of its result."""
@@ -45,7 +47,7 @@ def literal(number: float) -> str:
 
 
 def _instruction(name: str) -> Row:
-    return lambda to, a, b: to.value(f"{name} double {a}, {b}")
+    return lambda to, a, b: to.value(f"{name} {to.kind} {a}, {b}")
 
 
 def _library(name: str) -> Row:
@@ -103,9 +105,9 @@ ROWS: dict[str, Row] = {
     "OP_SUB": _instruction("fsub"),
     "OP_MUL": _instruction("fmul"),
     "OP_DIV": _instruction("fdiv"),
-    "OP_NEG": lambda to, a: to.value(f"fneg double {a}"),
-    "OP_SQ": lambda to, a: to.value(f"fmul double {a}, {a}"),
-    "OP_TWICE": lambda to, a: to.value(f"fmul double {literal(2.0)}, {a}"),
+    "OP_NEG": lambda to, a: to.value(f"fneg {to.kind} {a}"),
+    "OP_SQ": lambda to, a: to.value(f"fmul {to.kind} {a}, {a}"),
+    "OP_TWICE": lambda to, a: to.value(f"fadd {to.kind} {a}, {a}"),
     "OP_INV": lambda to, a: to.value(f"fdiv double {literal(1.0)}, {a}"),
     "OP_SQRT": _library("llvm.sqrt.f64"),
     "OP_FABS": _library("llvm.fabs.f64"),
@@ -132,6 +134,9 @@ ROWS: dict[str, Row] = {
         )
     },
 }
+
+# What is done alike to some entries of arrays at a time.
+ALIKE = {"OP_ASSIGN", "OP_ADD", "OP_SUB", "OP_MUL", "OP_DIV", "OP_NEG", "OP_SQ", "OP_TWICE"}
 
 
 def scalar(to: Lines, name: str, *arguments: str) -> str:

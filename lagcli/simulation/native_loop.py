@@ -42,24 +42,26 @@ class LoopText:
     """The text, and that of functions that call one of its own alone.
 
     functions: those that it calls, with the arrays of their arguments and results by name; arrays: the names of all, in
-    the order of the table of addresses that is the argument.
+    the order of the table of addresses that is the argument, behind memory for all functions. taken: the numbers of
+    that which the text itself takes.
     """
 
     def __init__(self, functions: Mapping[str, Sequence[str]], arrays: Sequence[str]) -> None:
         self._functions, self._arrays, self.declared = functions, arrays, set[str]()
+        self.taken = 0
 
     def entry(self, name: str) -> str:
         """A function of the table that calls one of the functions: its text."""
         self._begin()
         self._call(name)
-        return self._body.definition(f"call_{name}", "ptr noalias %table")
+        return self._definition(f"call_{name}")
 
     def loop(self, sizes: Sizes) -> str:
         """The loop: its text."""
         self._begin()
         body, get, put = self._body, self._get, self._put
-        self._kept = {place: body.room(1, f"%kept_{place.name}") for place in KEPT}
-        length = body.room(1, "%length")
+        self._kept = {place: body.room(1) for place in KEPT}
+        length = body.room(1)
 
         body.label("next")
         body.go_if("oge", get(Control.STEPS), get(Control.MOST), "done")
@@ -113,7 +115,7 @@ class LoopText:
         body.copy(self._at["new"], self._at["y"], sizes.state)
         body.copy(self._at["k_new"], self._at["k"], sizes.state)
         body.go("next", "done")
-        return body.definition(LOOP, "ptr noalias %table")
+        return self._definition(LOOP)
 
     def _add_rows(self, t: str, reached: str, taken: str, sizes: Sizes) -> None:
         """The rows within a step, if the block has room for all of them: see `RowWriter.put_rows`."""
@@ -154,13 +156,17 @@ class LoopText:
     def _begin(self) -> None:
         self._body = body = Body(self.declared)
         self._at = {}
-        for i, name in enumerate(self._arrays):
+        for i, name in enumerate(self._arrays, start=1):
             place = body.value(f"getelementptr inbounds ptr, ptr %table, i64 {i}")
             self._at[name] = body.value(f"load ptr, ptr {place}, align 8")
 
+    def _definition(self, name: str) -> str:
+        self.taken = max(self.taken, self._body.taken)
+        return self._body.definition(name, "ptr noalias %table", "\n  %work = load ptr, ptr %table, align 8")
+
     def _call(self, name: str) -> None:
         arrays = ", ".join(f"ptr {self._at[array]}" for array in self._functions[name])
-        self._body.add(f"call void @{name}({arrays})")
+        self._body.add(f"call void @{name}({arrays}, ptr %deeper)")
 
     def _get(self, place: Control | str, index: int = 0) -> str:
         """A number of the shared memory, or of an array."""

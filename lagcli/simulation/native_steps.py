@@ -38,13 +38,17 @@ THREAD = "lagcli native code"
 
 
 class Code(NamedTuple):
-    """Code of some functions: its level, and the functions of a table of addresses that it has."""
+    """Code of some functions: its level, the numbers that it takes while it runs, and the functions of a table of
+    addresses that it has."""
 
     level: int
+    taken: int
     entries: dict[str, Callable[[ctypes.Array[ctypes.c_void_p]], None]]
 
 
 ENTRIES = ("step", "dense", "inside")
+# The name of the number in an object file that says what memory its functions take.
+TAKEN = "taken"
 
 
 class NativeFunctions:
@@ -95,10 +99,10 @@ class NativeFunctions:
         self._making: threading.Thread | None = None
 
     @cached_property
-    def _loop(self) -> tuple[str, set[str]]:
-        """The text of the loop and the entries, and what it declares."""
+    def _loop(self) -> tuple[str, LoopText]:
+        """The text of the loop and the entries, and what made it."""
         text = LoopText(self._arrays, self.table)
-        return "\n".join([*map(text.entry, ENTRIES), text.loop(self._sizes)]), text.declared
+        return "\n".join([*map(text.entry, ENTRIES), text.loop(self._sizes)]), text
 
     @cached_property
     def _key(self) -> tuple[str, int]:
@@ -152,15 +156,17 @@ class NativeFunctions:
         module = Module()
         for name, function in self._functions.items():
             module.named(function, name)
-        loop, declared = self._loop
-        module.declared |= declared
-        module.definitions.append(loop)
+        loop, text = self._loop
+        module.declared |= text.declared
+        taken = text.taken + max(module.taken.values())
+        module.definitions += [loop, f"@{TAKEN} = constant i64 {taken}"]
         return module.text
 
     def _take(self, code: bytes, level: int) -> None:
         machine = MachineCode(code)
         names = {"loop": native_loop.LOOP, **{name: f"call_{name}" for name in ENTRIES}}
-        self.code = Code(level, {name: machine.function(each) for name, each in names.items()})
+        entries = {name: machine.function(each) for name, each in names.items()}
+        self.code = Code(level, machine.number(TAKEN), entries)
 
 
 class NativeSteps:
@@ -223,6 +229,7 @@ class NativeSteps:
         self._arrays = [
             np.zeros(own[name]) if name in own else arrays[name] for name in self._functions.table
         ]
+        self._arrays.insert(0, np.empty(code.taken))
         self._table = (ctypes.c_void_p * len(self._arrays))(*(array.ctypes.data for array in self._arrays))
         for name, function in (
             *(("step", bound.step), ("step", bound.staged)),
@@ -244,7 +251,7 @@ class NativeSteps:
             *run.timetable.free(run.t),
         )
         control[:] = run.control.step, *run.watch.seen, *run.watch.foreseen, *rows, 0, 0, 0, *read, *last
-        self._table[0] = writer.lines.ctypes.data
+        self._table[1] = writer.lines.ctypes.data
         code.entries["loop"](self._table)
         steps = int(control[Control.STEPS])
         if not steps:

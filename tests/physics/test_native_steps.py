@@ -18,7 +18,7 @@ from lagcli import memory
 pytest.importorskip("llvmlite")
 
 from lagcli.model import settings
-from lagcli.native import lowering, object_folder, paying
+from lagcli.native import object_folder, operations, paying
 from lagcli.running.run_account import Stats
 from lagcli.simulation import native_steps
 from lagcli.simulation.native_steps import NativeFunctions
@@ -152,7 +152,7 @@ def test_the_time_in_which_code_is_made_is_none_of_the_steps(monkeypatch, soon):
 
 
 def test_where_no_code_can_be_made_the_interpreter_takes_all_steps(monkeypatch):
-    monkeypatch.setattr(lowering, "MOST_STACK", 8)
+    monkeypatch.delitem(operations.ROWS, "OP_MUL")
     run = lagcli.simulate(lagcli.loads(PENDULUM), compile="always")
     assert not run.stats.native_steps
     assert bits(run) == bits(lagcli.simulate(lagcli.loads(PENDULUM), compile="never"))

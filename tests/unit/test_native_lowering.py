@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import itertools
 import math
+import threading
 
 import casadi as ca
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 
 pytest.importorskip("llvmlite")
 
-from lagcli.native import machine_code, operations
+from lagcli.native import lowering, machine_code, operations
 from lagcli.native.lowering import Module
 from lagcli.native.machine_code import BEST, SOON, MachineCode
 from lagcli.native.operations import Refusal
@@ -42,7 +43,8 @@ class Native:
     def __init__(self, function, level=SOON):
         module = Module()
         name, self._function = module.named(function), function
-        count = function.n_in() + function.n_out()
+        self._work = np.full(module.taken[name], math.nan)
+        count = function.n_in() + function.n_out() + 1
         loads = [
             f"  %s{i} = getelementptr ptr, ptr %table, i64 {i}\n  %a{i} = load ptr, ptr %s{i}"
             for i in range(count)
@@ -56,7 +58,7 @@ class Native:
         function = self._function
         arrays = [np.array(argument, dtype=float).ravel(order="F") for argument in arguments]
         results = [np.full(max(1, function.nnz_out(i)), 77.0) for i in range(function.n_out())]
-        table = [array.ctypes.data for array in (*arrays, *results)]
+        table = [array.ctypes.data for array in (*arrays, *results, self._work)]
         self._entry((ctypes.c_void_p * len(table))(*table))
         return [result[: function.nnz_out(i)] for i, result in enumerate(results)]
 
@@ -143,12 +145,44 @@ def test_what_has_no_row_is_refused_by_its_name():
         Module().named(ca.Function("f", [A, b], [ca.solve(A, b)]))
 
 
-def test_functions_that_take_too_much_memory_are_refused():
-    x = ca.MX.sym("x", 100_000)
-    with pytest.raises(Refusal, match="bytes of memory"):
-        Module().named(ca.Function("f", [x], [ca.sin(x) + ca.cos(x)]))
-
-
 def test_a_number_is_written_by_its_bits():
     assert operations.literal(1.0) == "0x3FF0000000000000"
     assert operations.literal(-0.0) == "0x8000000000000000"
+
+
+def test_a_function_in_parts_has_the_bits_of_a_whole_one_and_a_bounded_stack(monkeypatch):
+    monkeypatch.setattr(lowering, "LONGEST_WHOLE", 2**10)
+    x = ca.SX.sym("x", 20)
+    numbers = [x[i] for i in range(20)]
+    for _ in range(6_000):
+        numbers.append(numbers[-1] * numbers[-20] + numbers[-7])
+    function = ca.Function("f", [x], [ca.vertcat(*numbers[-20:]), ca.vertcat(*numbers[::100])])
+    given = [[np.random.default_rng(seed).uniform(-0.5, 0.5, size=20)] for seed in range(3)]
+    failures = []
+
+    def compared():
+        try:
+            require_same_bits(function, given)
+        except AssertionError as failure:
+            failures.append(failure)
+
+    before = threading.stack_size(2**19)  # as threads of macOS
+    try:
+        thread = threading.Thread(target=compared)
+        thread.start()
+        thread.join()
+    finally:
+        threading.stack_size(before)
+    assert not failures
+
+
+def test_what_several_operations_do_to_each_entry_has_the_bits_of_the_interpreter():
+    for size in (1, 2, 3, 4, 5, 7, 8, 9, 21):
+        x, y, s = ca.MX.sym("x", size), ca.MX.sym("y", size), ca.MX.sym("s")
+        total = x
+        for i in range(6):
+            total = (total * (0.1 * i - s) + y / 3.0) * -(x**2) + 2 * total
+        shared = total - y
+        outputs = [total, shared, shared[1:] * shared[:-1], ca.sin(total) + x, ca.vertcat(shared, s), s + 1]
+        numbers = [np.random.default_rng(size).normal(size=each) for each in (size, size, 1)]
+        require_same_bits(ca.Function("f", [x, y, s], outputs), [numbers])
