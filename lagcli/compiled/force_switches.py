@@ -34,6 +34,11 @@ class ForceSwitches:
     drawn: ca.Function
     forces: ca.Function
 
+    def clear(self) -> ca.Function:
+        """clear(t, h, y, y', new, new', p) -> 1 where no |u| is about to vanish."""
+        arguments = self.drawn.mx_in()
+        return SizedFunction("clear", arguments, [1 - ca.mmax(self.drawn(*arguments))])
+
 
 def find(system: System) -> ForceSwitches | None:
     """The switches of a system; None where no force has one that depends on velocities."""

@@ -30,12 +30,14 @@ KEPT = (
 
 
 class Sizes(NamedTuple):
-    """state: numbers of a state; line: of a line of the table; evaluations, dense_evaluations: as `Method` has them."""
+    """state: numbers of a state; line: of a line of the table; evaluations, dense_evaluations: as `Method` has them;
+    screens: the results of each function that tells whether a step is clear."""
 
     state: int
     line: int
     evaluations: int
     dense_evaluations: int
+    screens: tuple[int, ...]
 
 
 class LoopText:
@@ -67,12 +69,13 @@ class LoopText:
         body.go_if("oge", get(Control.STEPS), get(Control.MOST), "done")
         self._call("plan")
         body.go_if("une", get("is_over"), ZERO, "done")
-        body.store(get("wished"), length, 0)
+        # As `Stepper` cuts a step: the one behind it is as long as was wished, if the error of this one lets it be.
+        wished, longest = get("wished"), get(Control.LONGEST)
+        body.store(self._chosen("ogt", wished, longest, longest, wished), length, 0)
+        put(self._chosen("ogt", wished, longest, wished, ZERO), "uncut")
         put(literal(LENGTH.grow), "grow")
         for place in KEPT:
             body.store(get(place), self._kept[place], 0)
-
-        body.go_if("ugt", get("wished"), get(Control.LONGEST), "done")
 
         body.label("try")
         t, h = get("t"), body.load(length, 0)
@@ -92,14 +95,16 @@ class LoopText:
         body.go_if("une", get("is_end"), ZERO, "done")
         self._add(Control.REJECTED, 1)
         put(ONE, "grow")
+        put(ZERO, "uncut")
         body.store(get("smaller"), length, 0)
         body.go("try", "right")
         body.go_if("une", get("is_coarse"), ZERO, "done")
-        if "clear" in self._functions:
-            put(self._of("fadd", get(Control.ORIGIN), t), "when")
-            self._call("clear")
-            body.go_if("ule", get("clear"), ZERO, "done")
-            body.go_if("ugt", get("clear", 1), get(Control.DEEPEST), "done")
+        put(self._of("fadd", get(Control.ORIGIN), t), "when")
+        for i, size in enumerate(sizes.screens):
+            self._call(f"clear{i}")
+            body.go_if("ule", get(f"clear{i}"), ZERO, "done")
+            if size > 1:
+                body.go_if("ugt", get(f"clear{i}", 1), get(Control.DEEPEST), "done")
         self._add_rows(t, reached, taken, sizes)
 
         self._call("watched")
@@ -109,7 +114,8 @@ class LoopText:
         for place in KEPT:
             put(body.load(self._kept[place], 0), place)
         put(t, Control.BEGUN)
-        put(get("grown"), Control.STEP)
+        grown, uncut = get("grown"), get("uncut")
+        put(self._chosen("ogt", uncut, grown, uncut, grown), Control.STEP)
         put(self._of("fadd", get(Control.STEPS), ONE), Control.STEPS)
         put(reached, "t")
         body.copy(self._at["new"], self._at["y"], sizes.state)

@@ -63,6 +63,8 @@ class Control(IntEnum):
 
 
 SIZE = max(Control) + 1
+# What stands for what was seen where nothing was: no later time follows it, and any diagonal is larger.
+UNSEEN = math.inf, math.inf, math.inf, -math.inf
 INSTANT, ANGLE, LAST_STEP = (Prediction._fields.index(name) for name in ("instant", "angle", "step"))
 
 

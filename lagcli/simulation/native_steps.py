@@ -47,6 +47,8 @@ class Code(NamedTuple):
 
 
 ENTRIES = ("step", "dense", "inside")
+# Numbers that the loop itself makes.
+LOOPS_OWN = ("reached", "grow", "uncut", "when")
 # The name of the number in an object file that says what memory its functions take.
 TAKEN = "taken"
 
@@ -54,7 +56,7 @@ TAKEN = "taken"
 class NativeFunctions:
     """Functions of runs, and their code once there is any; is_refused: there will be none."""
 
-    def __init__(self, run: Stepper, multipliers: Sequence[int], clear: ca.Function | None) -> None:
+    def __init__(self, run: Stepper, multipliers: Sequence[int], clear: Sequence[ca.Function]) -> None:
         bound, rows, method = run.bound, run.trial.rows, run.method
         step = bound.staged.function
         functions: dict[str, ca.Function] = {
@@ -65,8 +67,7 @@ class NativeFunctions:
             "verdict": native_rules.verdict(run.trial.fewest, method.order, bound.enforced.is_any),
             "watched": native_rules.watched(),
         }
-        if clear is not None:
-            functions["clear"] = clear
+        functions |= {f"clear{i}": each for i, each in enumerate(clear)}
         if multipliers:
             functions["pushes"] = native_rules.pushes(rows.line.size, multipliers)
         self._functions = functions
@@ -75,7 +76,6 @@ class NativeFunctions:
             "step": ("t", "h", "y", "k", "tolerance", "p", "new", "k_new", "status", *stages),
             "dense": ("t", "h", "y", "new", "k_new", "p", "k", *stages, "coefficients"),
             "inside": ("at", "x", "y", "coefficients", "p", "line"),
-            "clear": ("when", "h", "y", "k", "new", "k_new", "p", "clear"),
             "plan": ("t", "control", "is_over", "wished"),
             "verdict": (
                 *("t", "h", "reached", "status", "grow", "control"),
@@ -84,16 +84,23 @@ class NativeFunctions:
             "watched": ("reached", "status", "control", "watch"),
             "pushes": ("line", "least_push"),
         }
+        for i in range(len(clear)):
+            arrays[f"clear{i}"] = ("when", "h", "y", "k", "new", "k_new", "p", f"clear{i}")
         self._arrays = {name: arrays[name] for name in functions}
         rules = [(name, each) for name, each in functions.items() if name not in ENTRIES]
         # The numbers of arrays that the loop alone reads: results of the rules, and arguments that it makes itself.
-        self.own = dict.fromkeys(("reached", "grow", "when"), 1) | {
+        self.own = dict.fromkeys(LOOPS_OWN, 1) | {
             array: each.numel_out(i)
             for name, each in rules
             for i, array in enumerate(arrays[name][each.n_in() :])
         }
-        self.table = tuple(dict.fromkeys(["lines", "control", *itertools.chain(*self._arrays.values())]))
-        self._sizes = Sizes(bound.y.size, rows.line.size, method.evaluations, method.dense_evaluations)
+        self.table = tuple(
+            dict.fromkeys(["lines", "control", *LOOPS_OWN, *itertools.chain(*self._arrays.values())])
+        )
+        screens = tuple(each.numel_out(0) for each in clear)
+        self._sizes = Sizes(
+            bound.y.size, rows.line.size, method.evaluations, method.dense_evaluations, screens
+        )
         self.code: Code | None = None
         self.is_refused, self._is_looked_for = not machine_code.is_installed(), False
         self._making: threading.Thread | None = None
@@ -191,7 +198,7 @@ class NativeSteps:
             run.statistics.compile_seconds += time.perf_counter() - began
         if functions.code is not self._code:
             self._take(functions.code)
-        is_ordinary = self._is_ordinary and run.longest == math.inf and bool(run.watch.seen)
+        is_ordinary = self._is_ordinary and run.longest == math.inf
         if self._code is not None and is_ordinary and all(screen.holds() for screen in self._screens):
             self._loop(self._code)
 
@@ -204,8 +211,8 @@ class NativeSteps:
         # Whether steps are no more than the loop makes of them.
         is_asked = len(self._screens) < len(screens) or run.has_turns
         self._is_ordinary = not (is_asked or run.bound.is_blurred or run.trial.rows.defect is not None)
-        clear = next((screen.function for screen in self._screens if screen.function is not None), None)
-        question = "native", run.method.name, clear is None
+        clear = [screen.function for screen in self._screens if screen.function is not None]
+        question = "native", run.method.name, len(clear)
         self._reach = native_rules.reach(float(run.tolerance[0]), run.method.order)
         self._functions = run.bound.enforced.functions.memory.answer(
             question, lambda: NativeFunctions(run, self._writer.multipliers, clear)
@@ -250,7 +257,8 @@ class NativeSteps:
             *self._reach,
             *run.timetable.free(run.t),
         )
-        control[:] = run.control.step, *run.watch.seen, *run.watch.foreseen, *rows, 0, 0, 0, *read, *last
+        seen = run.watch.seen or native_rules.UNSEEN
+        control[:] = run.control.step, *seen, *run.watch.foreseen, *rows, 0, 0, 0, *read, *last
         self._table[1] = writer.lines.ctypes.data
         code.entries["loop"](self._table)
         steps = int(control[Control.STEPS])
@@ -260,7 +268,8 @@ class NativeSteps:
         run.t, run.control.step = run.bound.t[0], step
         instant, component, *rest = watch[4:]
         foreseen = Prediction(instant, int(component), *rest) if instant < math.inf else NEVER
-        run.watch = SingularityMonitor(tuple(watch[:4]), foreseen)
+        seen = () if watch[0] == math.inf else tuple(watch[:4])
+        run.watch = SingularityMonitor(seen, foreseen)
         writer.next_row, run.row_time, writer.last = int(next_row), row_time, last
         writer.begun, writer.filled = begun, int(filled)
         statistics.steps += steps

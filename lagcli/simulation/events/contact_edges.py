@@ -15,7 +15,7 @@ from lagcli.arrays import Flags, Floats
 from lagcli.compiled import force_switches
 from lagcli.compiled.contact_values import ROUNDINGS
 from lagcli.simulation.events import switch_event
-from lagcli.simulation.events.event import Event
+from lagcli.simulation.events.event import Event, Screen
 from lagcli.simulation.events.impulse_event import FEW
 from lagcli.simulation.run_state.run_stop import STICKS, StepFailure
 from lagcli.simulation.scheme.step_end import Compiled
@@ -52,6 +52,10 @@ class EdgeEvent(Event):
     def _of_forces(self) -> Flags:
         """The switches (U,) that are those of forces."""
         return np.asarray(self._switches[0] == self._kinked.size - 1)
+
+    def screen(self) -> Screen | None:
+        """See `Event`."""
+        return Screen(holds=lambda: not self._watched().any())
 
     def passes(self) -> FoundStep | None:
         """See `Event`; a step that comes close to an edge is shortened."""

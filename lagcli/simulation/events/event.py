@@ -18,8 +18,8 @@ from lagcli.simulation.stepping.stepper import Stepper
 
 class Screen(NamedTuple):
     """What tells that ordinary steps are nothing to an event, without asking it: nothing, where it foresees what it is
-    for, or a function clear(t, h, y, k, new, k_new, p) -> a number above 0 for such a step, and the largest -g_j at its
-    end, as long as `holds` is true."""
+    for, or a function clear(t, h, y, k, new, k_new, p) -> a number above 0 for such a step, and maybe the largest -g_j
+    at its end, as long as `holds` is true; t is the time of the model, and p may be as short as that of the model."""
 
     function: ca.Function | None = None
     holds: Callable[[], bool] = lambda: True

@@ -11,7 +11,7 @@ import numpy as np
 
 from lagcli.arrays import Floats
 from lagcli.compiled.bound_function import BoundFunction, cells
-from lagcli.simulation.events.event import Event
+from lagcli.simulation.events.event import Event, Screen
 from lagcli.simulation.scheme.method import WRITTEN_OUT, Method
 from lagcli.simulation.stepping.found_step import Cut, FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
@@ -38,7 +38,7 @@ class CurveFunctions:
 
     @cached_property
     def margin(self) -> ca.Function:
-        """margin(t, h, y, new, k, k new, p) -> above zero where a look at FEW parts says that no switch changes
+        """margin(t, h, y, k, new, k_new, p) -> above zero where a look at FEW parts says that no switch changes
         its sign in a step h from y."""
 
         def combined(found: list[ca.SX]) -> ca.SX:
@@ -51,7 +51,7 @@ class CurveFunctions:
 
     @cached_property
     def changes(self) -> ca.Function:
-        """changes(t, h, y, new, k, k new, p) -> zero where every switch has one sign at all PARTS."""
+        """changes(t, h, y, k, new, k_new, p) -> zero where every switch has one sign at all PARTS."""
 
         def combined(found: list[ca.SX]) -> ca.SX:
             first = ca.sign(found[0])
@@ -74,16 +74,16 @@ class CurveFunctions:
     def _on_cubic(self, name: str, parts: Floats, combined: Callable[[list[ca.SX]], ca.SX]) -> ca.Function:
         n = self._n
         t, h, x = (ca.SX.sym(each) for each in ("t", "h", "x"))
-        y, new, k, k_new = (ca.SX.sym(each, self._size) for each in ("y", "new", "k", "k_new"))
+        y, k, new, k_new = (ca.SX.sym(each, self._size) for each in ("y", "k", "new", "k_new"))
         p = ca.SX.sym("p", self._parameters)
         ahead = new - y
         bends = h * ((1 - x) * k - x * k_new) + (2 * x - 1) * ahead
         state = y + x * ahead + x * (1 - x) * bends
-        inputs = [t, h, y, new, k, k_new, p]
+        inputs = [t, h, y, k, new, k_new, p]
         switches = self._crossings.switches(t + x * h, state[:n], state[n : 2 * n], p)
         switches_at = SizedFunction("switches_at", [x, *inputs], [switches])
         given = [ca.MX.sym(each.name(), each.numel()) for each in (t, h)]
-        given += [ca.MX.sym(each, self._size) for each in ("y", "new", "k", "k_new")]
+        given += [ca.MX.sym(each, self._size) for each in ("y", "k", "new", "k_new")]
         given.append(ca.MX.sym("p", self._parameters))
         found = [ca.SX.sym("u", switches.numel()) for _ in parts]
         whole = SizedFunction(name, found, [combined(found)])
@@ -102,7 +102,7 @@ class StepCurve:
         self._t, self._x = cells(t), cells(x)
         bound = run.bound
         _, h, y, k, _, _ = bound.arguments
-        self._on_cubic = [t, h, y, bound.new, k, bound.k_new, bound.enforced.p]
+        self._on_cubic = [t, h, y, k, bound.new, bound.k_new, bound.enforced.p]
         self._arguments = [t, h, x, y, run.trial.rows.dense.results[0].T, bound.enforced.p]
         self._margin = BoundFunction(functions.margin, self._on_cubic)
         self._clear = cells(self._margin.results[0])
@@ -168,6 +168,10 @@ class ImpulseEvent(Event):
         self._stepper, self._crossings = stepper, crossings
         self._functions = CurveFunctions(crossings, stepper.method)
         self._curve = StepCurve(self._functions, stepper)
+
+    def screen(self) -> Screen | None:
+        """See `Event`."""
+        return Screen(self._functions.margin)
 
     def found(self, step: FoundStep) -> Cut | None:
         """See `Event`."""

@@ -108,6 +108,10 @@ class StickingEvent(Event):
         self._stepper, self._switches = stepper, switches
         self._drawn: tuple[BoundStep, BoundFunction] | None = None
 
+    def screen(self) -> Screen | None:
+        """See `Event`."""
+        return Screen(self._switches.clear())
+
     def found(self, step: FoundStep) -> None:
         """See `Event`."""
         run, bound = self._stepper, self._stepper.bound
