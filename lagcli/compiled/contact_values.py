@@ -40,8 +40,7 @@ CHOSEN = 6
 
 
 class MotionNumbers(NamedTuple):
-    """The end of `function`: the largest acceleration, the accelerations that are rounding of the forces, size and
-    speed."""
+    """The end of `function`: the largest acceleration, that which is rounding of the forces, size and speed."""
 
     acceleration: float
     forces_blurred: float

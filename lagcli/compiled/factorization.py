@@ -1,9 +1,6 @@
 """The functions of a system with its factorizations: expanded into the graph, the fastest way while S is small, or with
-S factored numerically at each call, where expanded factors would be too large to build.
-
-A function of the second kind is a short chain: an expanded part that gives B, M^-1 B^T and a right-hand side, their
-product S, a solve node, an expanded part that uses the solution.
-"""
+S factored numerically at each call: an expanded part that gives B, M^-1 B^T and a right-hand side, their product S, a
+solve node, an expanded part that uses the solution."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Switches at which forces jump in the velocities, and those forces: on both sides they may push the motion onto the
-switch, where it sticks."""
+"""Switches at which forces jump in the velocities, and those forces, which may push the motion onto them to stick."""
 
 from __future__ import annotations
 
@@ -77,9 +76,8 @@ def find(system: System) -> ForceSwitches | None:
 
 
 def at_contacts(system: System) -> tuple[list[int], ca.Function]:
-    """The switches of contacts that depend on coordinates, and then those of the forces that depend on the state: the
-    contact of each, K for forces, and (t, q, v, a, p) -> the switches, their rates and the sizes of their terms, (U,)
-    each."""
+    """The switches of contacts that depend on coordinates, then those of forces that depend on the state: the contact
+    of each, K for forces; and (t, q, v, a, p) -> the switches, their rates, the sizes of their terms (U,)."""
     s, contacts, values = system.symbols, system.contacts, dict[tuple[int, int], ca.SX]()
     inputs = [s.t, s.q, s.v, system.p]
     for j in range(contacts.count + 1):

@@ -1,7 +1,5 @@
-"""Expanded functions in many digits, with derivatives along directions that are functions themselves.
-
-A number is a `Decimal`, or one that changes; so derivatives nest, and what does not change stays short.
-"""
+"""Expanded functions in many digits, with derivatives along directions that are functions themselves. A number is a
+`Decimal`, or one that changes; so derivatives nest, and what does not change stays short."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The arguments of functions of place that may be narrow, and whether one may have its feature within a step.
 
-A wall, a well or a step of a force lies where the argument of its function turns or vanishes: that of
-`exp(-((x - a)/w)**2)` turns at a, that of `tanh((x - a)/w)` vanishes there. Arguments are wide where their functions
-are narrow: values and slopes at the ends of a step, and at one point between, show turns and zeros.
+A wall, a well or a step of a force lies where the argument of its function turns, as of `exp(-((x - a)/w)**2)` at a, or
+vanishes, as of `tanh((x - a)/w)`. Arguments are wide where functions are narrow: values and slopes at the ends of a
+step, and at one point between, show turns and zeros.
 """
 
 from __future__ import annotations

@@ -52,8 +52,7 @@ def newton(H: ca.DM, B: ca.DM, gradient: Floats, f: Floats, free: Flags) -> Floa
 
 
 class Problem:
-    """The problem of one system, built once; `solve` it for all holonomic rows or some, from any point. pattern: that
-    of the M to measure with."""
+    """The problem of one system; `solve` it for all holonomic rows or some, from any point. pattern: of M."""
 
     def __init__(self, system: System, pattern: ca.Sparsity) -> None:
         s = system.symbols
@@ -75,9 +74,8 @@ class Problem:
     ) -> Floats | None:
         """A local minimum near `begin` (n,), or None; `fixed` (n,) coordinates keep the values of q0 (n,).
 
-        given: t, M (n, n) that is measured with, numbers (s,) the rows are multiplied by, and p. A row with the
-        number 0 is not asked for. The others must be independent: with more the equations of the interior point
-        method are singular.
+        given: t, M (n, n) that is measured with, numbers (s,) the rows are multiplied by, 0 where one is not asked for,
+        and p. The others must be independent: else the equations of the interior point method are singular.
         """
         t, M, weights, p = given
         values = ca.vertcat(t, q0, ca.DM(M.nonzeros()), weights, p)

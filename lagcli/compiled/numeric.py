@@ -71,11 +71,8 @@ class _Compiled(cached_property[ca.Function]):
 
 
 class NumericSystem:
-    """Compiled functions of one system, each built when it is first asked for: a count needs no step.
-
-    selection: the independent rows that it is stepped with; closed_rows: the numbers of the contacts that act, each
-    beyond C.
-    """
+    """Compiled functions of one system, each built when it is first asked for: a count needs no step. selection: the
+    independent rows that it is stepped with; closed_rows: the contacts that act, each beyond C."""
 
     def __init__(
         self, system: System, parts: shared.Parts | None = None, switched: NumericSystem | None = None
@@ -127,8 +124,7 @@ class NumericSystem:
         return NumericSystem(self._system, dataclasses.replace(self._parts, selection=selection))
 
     def switching(self, selection: Selection) -> NumericSystem:
-        """As `keeping`, where it can by functions that other sets of closed contacts share: they take the `switches` at
-        the end of p."""
+        """As `keeping`, where it can by functions that sets of closed contacts share, which take `switches` after p."""
         whole = selection.switched(self._parts.B.shape[0])
         if whole is None:
             return self.keeping(selection)
@@ -223,8 +219,7 @@ class NumericSystem:
 
     @cached_property
     def contacts(self) -> ca.Function:
-        """contacts(t, q, v, p) -> g (K,), G (K, n), g_t (K,), gamma (K,), and sum |G_i q_i| (K,), the size of the terms
-        of g."""
+        """contacts(t, q, v, p) -> g (K,), G (K, n), g_t (K,), gamma (K,), and sum |G_i q_i| (K,), the terms of g."""
         contacts = self._parts.contacts
         size = ca.fabs(contacts.G) @ ca.fabs(self._parts.y[: self.n])
         g, *others = map(ca.densify, (contacts.g, contacts.g_t, contacts.gamma, size))

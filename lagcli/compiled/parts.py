@@ -159,8 +159,7 @@ class Parts:
 
     @cached_property
     def enforced(self) -> tuple[ca.SX, ca.SX]:
-        """Independent rows of f, closed contacts, and g: what the projection of positions brings to zero; and their
-        gradients by q."""
+        """Independent rows of f, closed contacts, and g, which are projected onto zero; and their gradients by q."""
         return self.positions(self._holonomic)
 
     def positions(self, numbers: Sequence[int]) -> tuple[ca.SX, ca.SX]:
@@ -348,8 +347,7 @@ def roundings(parts: Parts, inputs: list[ca.SX]) -> ca.SX:
 
 def status(parts: Parts, smallest_angle: ca.SX | float, v: ca.SX, sizes: Sizes) -> ca.SX:
     """(3,) at a velocity v: the residual, and `rank_margin`. The residual is the larger of what is left of the rows, as
-    a part of the size of q, and of the largest B_i v + b_i of rows left out, as a part of what v, q and t make in it:
-    do they still follow?"""
+    a part of the size of q, and, do they still follow, of B_i v + b_i of rows left out, as a part of its terms."""
     f, B = parts.positions([*range(parts.f.numel()), *parts.closed])
     residual = ca.SX(0)
     if f.numel():

@@ -1,8 +1,6 @@
-"""Steps along fields that satisfy rows, A dz = B dq + b dt = 0, and their derivatives, for many points at once.
-
-A point is z = (q of some coordinates, t); what is fixed besides is built in as numbers. A step of a Runge-Kutta scheme
-is a graph that calls the field, so that its derivatives are short too.
-"""
+"""Steps along fields that satisfy rows, A dz = B dq + b dt = 0, and their derivatives, for many points at once. A point
+is z = (q of some coordinates, t); what is fixed is built in. A step is a graph that calls the field, so that its
+derivatives are short too."""
 
 from __future__ import annotations
 

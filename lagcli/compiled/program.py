@@ -26,8 +26,7 @@ class Program:
         constant: Callable[[float], T],
         result: Callable[..., T],
     ) -> list[T]:
-        """The values of the first output in an arithmetic, in which a constant is made a value, and of an operation's
-        name and values its result."""
+        """The values of the first output in an arithmetic: constants, and results of operations by their names."""
         registers: dict[int, T] = {}
         outputs = [constant(0.0)] * self.results  # also of entries that are none by structure
         for name, out, of, value in self.steps:

@@ -1,5 +1,4 @@
-"""Constraint rows that belong together (D.3, D.6): A = [B | b] over (q, t), the first s of them df of holonomic rows,
-the others forms omega_i."""
+"""Constraint rows that belong together (D.3, D.6): A = [B | b] over (q, t), the first s of them of holonomic rows."""
 
 from __future__ import annotations
 
@@ -121,9 +120,8 @@ class RowBlock:
 
 
 def variable_sizes(A: ca.DM, kinds: npt.NDArray[np.intp]) -> Floats:
-    """Sizes (N,) of variables in which the entries of rows A (C, N) are of one size; 1 where none is touched. Variables
-    of one of the `kinds` (N,) have one size. Entries that are tiny in their row, as at a special point, say nothing of
-    sizes."""
+    """Sizes (N,) of variables, equal for each of the `kinds` (N,), in which entries of rows A (C, N) are of one size; 1
+    where none is touched. Entries that are tiny in their row, as at a special point, say nothing."""
     rows, columns = (np.asarray(part, dtype=np.intp) for part in A.sparsity().get_triplet())
     values = np.abs(np.array(A.nonzeros(), dtype=float))
     groups = kinds[columns]

@@ -70,8 +70,7 @@ class Selection:
     """The rows a run is stepped with, `independent`, numbered as the multipliers: C equality rows, then K contacts.
 
     dependencies: each other row, followed by the independent rows it depends on; inactive: contacts that do not act;
-    idle: those of them that are closed and carry nothing in the least split, each with the independent rows that it
-    depends on.
+    idle: those of them that are closed and carry nothing in the least split, each with the rows that it depends on.
     """
 
     independent: tuple[int, ...]

@@ -1,8 +1,8 @@
 """Holonomic rows that go on smoothly where `atan2` or `atan` jumps: `z = h*atan2(y, x)` is a helix of many turns.
 
-An angle theta from `atan2` jumps by 2 pi at its cut (y = 0, x < 0), one from `atan` by pi where its argument goes
-through infinity. Where that changes f (D.2) by a constant, the differential of the row (D.5) has no jump, and f with
-k times this constant, after k turns, is the same law beyond the cut. Elsewhere the row itself jumps.
+An angle from `atan2` jumps by 2 pi at its cut (y = 0, x < 0), one from `atan` by pi where its argument goes through
+infinity. Where that changes f (D.2) by a constant, its differential (D.5) has no jump, and f with k times the constant
+after k turns is the same law. Elsewhere the row itself jumps.
 """
 
 from __future__ import annotations

@@ -1,8 +1,5 @@
-"""The jumps of potentials, of the Lagrangian and of positions of dependent particles: the force there is an impulse.
-
-`3*sign(p.y)` jumps at p.y = 0, `atan2` at its cut. Equations of motion (D.24) see slopes only, so that a run would go
-over the jump as if there were none.
-"""
+"""The jumps of potentials, of the Lagrangian and of positions of dependent particles: `3*sign(p.y)` at p.y = 0, `atan2`
+at its cut. The force there is an impulse; equations of motion (D.24) see slopes only, and would go over the jump."""
 
 from __future__ import annotations
 

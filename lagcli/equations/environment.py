@@ -1,5 +1,4 @@
-"""The values of a model's expressions as CasADi columns: a scalar of a family is an SX (K, 1), with one value for each
-of its members."""
+"""The values of a model's expressions as CasADi columns: of a family an SX (K, 1), with one value for each member."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """The rows of a family: its law is differentiated once, for a member that stands for all, and mapped over them.
 
-The coordinates that a member touches become symbols of their own; which rows of q they are is a table, one column for
-each member.
+The coordinates that a member touches become symbols of its own, with a table of their rows of q for each member.
 """
 
 from __future__ import annotations

@@ -1,7 +1,5 @@
-"""The points at which `abs`, `sign`, `min` or `max` makes the gradient of a constraint jump: edges of its surface.
-
-The rule of multipliers needs a gradient there, and the velocity of a motion over the edge would have to jump.
-"""
+"""The points at which `abs`, `sign`, `min` or `max` makes the gradient of a constraint jump: edges of its surface,
+where the rule of multipliers has no gradient, and the velocity of a motion over the edge would have to jump."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Expressions that stand in no file, over the symbols of a system: first integrals of differential rows (D.3), and
-quantities somebody asks for."""
+"""First integrals of differential rows (D.3), and quantities somebody asks for, over the symbols of a system."""
 
 from __future__ import annotations
 
@@ -90,8 +89,7 @@ def have_time(system: System, charts: Sequence[LevelExpression]) -> bool:
 
 
 def compiled(system: System, charts: Sequence[LevelExpression]) -> ca.Function:
-    """levels(t, q, p) -> above and below of K charts (K, 2), their gradients by q (K, n) and (K, n), and periods
-    (K,), 0 where there is none."""
+    """levels(t, q, p) -> above and below of K charts (K, 2), their gradients (K, n) each, and periods (K,) or 0."""
     s = system.symbols
     above, below = (
         ca.densify(ca.vertcat(*each)) for each in ([c.above for c in charts], [c.below for c in charts])

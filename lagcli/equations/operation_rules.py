@@ -1,8 +1,8 @@
-"""Properties of a value that follow from its operations, one after another: the sizes of its terms, which may cancel;
-if it is finite wherever the motion is; the functions in it that may jump, end or have a pole.
+"""Properties of a value that follow from its operations: the sizes of its terms, which may cancel; if it is finite
+wherever the motion is; the functions in it that may jump, end or have a pole.
 
-Where terms cancel, the rounding of their sum is a part of them: a running error analysis in units of rounding (Higham,
-Accuracy and Stability of Numerical Algorithms, 2nd ed., section 3.3).
+Where terms cancel the rounding of their sum is a part of them: a running error analysis (Higham, Accuracy and Stability
+of Numerical Algorithms, 2nd ed., section 3.3).
 """
 
 from __future__ import annotations
@@ -92,8 +92,7 @@ _RULES: dict[int, Callable[..., ca.SX]] = {
 
 
 class _Found(NamedTuple):
-    """is_total: finite where the state is; is_fixed: of parameters alone, and so the same in all rows; is_positive:
-    nowhere negative."""
+    """is_total: finite where the state is; is_fixed: of parameters alone; is_positive: nowhere negative."""
 
     is_total: bool
     is_fixed: bool

@@ -1,10 +1,8 @@
 """Values that outputs may read besides the motion: multipliers, reactions, accelerations, energies, earlier outputs.
 
-a, lambda and R are those of (D.24) at the row; the part of one constraint in R_k is lambda_i times its row (D.22).
-
-An equation that names a dependent particle r_k = x_k(q, t) acts on it with lambda_i df_i/dr_k, as on any particle. One
-over the same coordinates that does not name it acts on it too, but how much of lambda_i falls to which of the particles
-is not determined: that is refused.
+a, lambda and R are those of (D.24); the part of one constraint in R_k is lambda_i times its row (D.22). An equation
+that names a dependent particle r_k = x_k(q, t) acts on it with lambda_i df_i/dr_k, as on any. One over the same
+coordinates that does not name it acts on it too, but how much of lambda_i falls to it is not determined: refused.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Power series of what expressions are along a motion: their Taylor coefficients, operation by operation.
+"""Power series of what expressions are along a motion: their Taylor coefficients, operation by operation, by the
+recurrences of automatic differentiation (Griewank and Walther, Evaluating Derivatives, 2nd ed., chapter 13).
 
-The recurrences are those of automatic differentiation (Griewank and Walther, Evaluating Derivatives, 2nd ed.,
-chapter 13); beside each coefficient goes the size of its terms, for terms may cancel. A series that says nothing is
-empty. Where a function switches, the branch is that of the time just after.
+Beside each coefficient goes the size of its terms, for terms may cancel. A series that says nothing is empty. Where a
+function switches, the branch is that of the time just after.
 """
 
 from __future__ import annotations
@@ -59,11 +59,8 @@ class SeriesFunction:
     def at(
         self, arguments: Sequence[Sequence[PowerSeries]], count: int, rounding: float
     ) -> list[list[PowerSeries]]:
-        """The series of all results, entry by entry, with `count` coefficients or fewer.
-
-        rounding: coefficients that are this part of their terms are zero where a switch is decided. Raises
-        `UnderflowError`.
-        """
+        """The series of all results, entry by entry, with up to `count` coefficients. rounding: coefficients that are
+        this part of their terms are zero where a switch is decided. Raises `UnderflowError`."""
         work: dict[int, PowerSeries] = {}
         found = [[constant(0.0, count)] * size for size in self._sizes]
         with np.errstate(all="ignore"):

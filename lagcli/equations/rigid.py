@@ -1,11 +1,9 @@
 """Rigid bodies: a base of particles tied by distances, every further particle by three linear rows.
 
-With r_1 ... r_{d+1} the base of a body of dimension d, a further particle is r_k = sum_j alpha_j r_j with
-sum_j alpha_j = 1, the alpha_j taken from the start. The rows are independent, and motion and R are those of
-the rigid body: d (d + 1) / 2 + 3 (K - d - 1) rows for K particles leave 5 freedoms for a line, 6 otherwise.
-
-A body that is flat but for a little keeps a base of three, and its particles off the plane stand at
-sum_j alpha_j r_j + gamma (r_2 - r_1) x (r_3 - r_1): distances tie four particles that almost lie in a plane too poorly.
+With r_1 ... r_{d+1} the base of a body of dimension d, a further particle is r_k = sum_j alpha_j r_j with sum_j alpha_j
+= 1 from the start. The rows are independent: d (d + 1) / 2 + 3 (K - d - 1) for K particles leave 5 freedoms for a line,
+6 otherwise. A body that is nearly flat keeps a base of three, and its particles off the plane stand at sum_j alpha_j
+r_j + gamma (r_2 - r_1) x (r_3 - r_1): distances tie four particles near a plane too poorly.
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
-"""The parameters that the start and the rows of a system depend on: what was found for some values holds for others
-that differ in the rest."""
+"""The parameters that the start and the rows depend on: what was found for some values holds where others differ."""
 
 from __future__ import annotations
 
@@ -17,8 +16,7 @@ Indices = npt.NDArray[np.intp]
 
 
 def of_start(system: System) -> Indices:
-    """The indices in `System.p` of numbers that the inertia M, the rows f, B, b or the contacts g, G hold: assembly
-    asks for nothing else."""
+    """The indices in `System.p` of numbers that M, the rows f, B, b or the contacts g, G hold, as assembly asks."""
     contacts, rows = system.contacts, system.rows
     moving = [system.dynamics.M, rows.gamma, contacts.g, contacts.G, contacts.g_t, contacts.gamma]
     return _occurring(system, _rows(system) + moving)

@@ -61,8 +61,7 @@ def equalities(
     model: nouns.Model, environment: Environment, bodies: Sequence[tuple[Geometry, Sequence[ca.SX]]]
 ) -> ConstraintRows:
     """The rows of all equations. `bodies`: for each rigid body its geometry and the symbols of its constants. B (C, n),
-    b (C), gamma (C) with B v + b = 0 and B a = gamma = -(B' v + b'). Raises `diagnostics.ModelError` for a row without
-    coordinates."""
+    b, gamma (C) with B v + b = 0, B a = gamma. Raises `diagnostics.ModelError` for a row without coordinates."""
     holonomic = list(_of_laws(model.holonomic, environment))
     for body, (geometry, constants) in zip(model.rigid, bodies, strict=True):
         values = of_body(body, environment, geometry, constants)

@@ -1,5 +1,4 @@
-"""Limits on the size of a model: what would take more than about 2 GB is refused before it is begun, with its
-location."""
+"""Limits on the size of a model: what would take more than about 2 GB is refused before it is begun."""
 
 from __future__ import annotations
 

@@ -1,7 +1,5 @@
-"""Interval arithmetic in many digits, for proofs: a range is an interval of mpmath, which rounds outwards.
-
-Where a rule is not certain of all numbers of a range it raises, and gives no range that is everything.
-"""
+"""Interval arithmetic in many digits, for proofs, by the intervals of mpmath, which round outwards. Where a rule is not
+certain of all numbers of a range it raises, and gives no range that is everything."""
 
 from __future__ import annotations
 

@@ -1,8 +1,6 @@
-"""The facts about an expression known before any dynamics: its value if constant, what it reads, its degree.
-
-One more algebra for `evaluate`, which finds what is wrong with a formula and where. A constant of a family is an array
-with one entry for each member; an error names the first that it is of.
-"""
+"""The facts about an expression known before any dynamics: its value if constant, what it reads, its degree. One more
+algebra for `evaluate`, which finds what is wrong with a formula and where; of a constant of a family, an array over its
+members, an error names the first that it is of."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """Integer expressions: the bounds of ranges, the indices in brackets, the filters of families.
 
-Exact: a value is an `int` or a `Fraction`, or an array of shape (K,) with one for each member of a family. A half is
-taken on the way (`i <= N/2`), and refused where a whole number must come out. No number above `LIMIT` is kept, so that
-no power runs long.
+Exact: a value is an `int`, a `Fraction`, or an array (K,) over the members of a family. A half is taken on the way
+(`i <= N/2`), and refused where a whole number must come out. Nothing above `LIMIT` is kept: no power runs long.
 """
 
 from __future__ import annotations

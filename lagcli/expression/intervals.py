@@ -1,9 +1,9 @@
-"""Interval arithmetic: the values an expression can take while what it is made of goes through ranges.
+"""Interval arithmetic: the values an expression can take while what it is made of goes through ranges (R. E. Moore,
+Interval Analysis, 1966).
 
-The rules are written once, for operations by their names in a `Program` and for the functions of the language; a kind
-of numbers says what least, largest, a choice and rounding are. Every operation rounds outwards, by more than two
-libraries of elementary functions differ. Where there is a pole or no value, and where an operation is not known, the
-range is everything. R. E. Moore, Interval Analysis (1966).
+The rules are written once, for operations by their names in a `Program` and functions of the language; a kind of
+numbers says what least, largest, a choice and rounding are. Operations round outwards, by more than two libraries of
+functions differ. Where there is a pole or no value, or an operation is not known, the range is everything.
 """
 
 from __future__ import annotations
@@ -47,8 +47,7 @@ def _float_power(x: float, exponent: float) -> float:
 
 
 class Intervals:
-    """The arithmetic of ranges of floats; of other numbers where methods for them are replaced. most: the bound where
-    there is none."""
+    """The arithmetic of ranges of floats; of other numbers by other methods. most: the bound where there is none."""
 
     most = math.inf
     least: Operation = staticmethod(min)

@@ -387,9 +387,8 @@ class _CrossingParser(_Parser):
 
 
 class _FilterParser(_Parser):
-    """Above sums there are comparisons, `not`, `and` and `or`; parentheses may hold any of them. What a parenthesis
-    holds is known only after it is read, so that truths and numbers are told apart at the end: no text is read
-    twice."""
+    """Above sums there are comparisons, `not`, `and`, `or`. What a parenthesis holds is known only after it is read, so
+    truths and numbers are told apart at the end: no text is read twice."""
 
     def __init__(self, text: str) -> None:
         super().__init__(text)

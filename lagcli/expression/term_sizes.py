@@ -1,8 +1,6 @@
-"""Sizes of the terms that the values of a program are made of, those that cancel within one entry too.
-
-The size of a value is what it would change by, to first order, if every input and every result on the way to it
-changed by its own size. What rounding leaves of a value that is zero is far below that.
-"""
+"""Sizes of the terms that the values of a program are made of, those that cancel within one entry too: what the value
+would change by, to first order, if every input and every result on the way changed by its own size. What rounding
+leaves of a value that is zero is far below that."""
 
 from __future__ import annotations
 

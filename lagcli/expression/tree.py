@@ -1,8 +1,7 @@
 """The nodes of an expression.
 
 Sums and products hold any number of terms, so that a tree is never deeper than its parentheses. `start` and `end` are
-offsets in the expression's text. Nodes are never changed once made, and not declared frozen because making a frozen one
-costs three times as much.
+offsets in the text. Nodes are never changed, and not declared frozen, which costs three times as much to make.
 """
 
 from __future__ import annotations

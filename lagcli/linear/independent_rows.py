@@ -1,8 +1,5 @@
-"""The dependences among constraint rows: an independent set, and for each other row the rows it follows from.
-
-Such a row with those it follows from is a dependency, a null vector of B^T with as few rows as can be: leave out any
-one of them and the rest are independent. Dense rows are chosen by Gram-Schmidt (twice, for rounding).
-"""
+"""The dependences among constraint rows: an independent set, and for each other row the rows it follows from. Together
+they are a null vector of B^T with as few rows as can be: without any one of them the rest are independent."""
 
 from __future__ import annotations
 
@@ -188,8 +185,7 @@ def follow_from_few(rows: MetricRows, independent: Sequence[int]) -> bool:
 def _near_weights(
     rows: MetricRows, independent: Sequence[int], rest: Sequence[int]
 ) -> dict[int, Mapping[int, float]]:
-    """The weights of those rows in `rest` that depend on a few independent ones near them, which share coordinates
-    with them, or with rows that do."""
+    """The weights of those rows in `rest` that depend on a few independent ones, which share coordinates with them."""
     entries = LocalRows(rows.unit)
     by_row: list[dict[int, float]] = [{} for _ in range(rows.count)]
     there = np.flatnonzero(entries.values)

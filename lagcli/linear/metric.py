@@ -1,7 +1,5 @@
-"""The mass metric: lengths and nearest points are taken with M, and only coordinates that are free may move.
-
-A model of Cartesian particles has a diagonal M, one of many bodies a block for each; nothing of size n x n is built.
-"""
+"""The mass metric: lengths and nearest points are taken with M, and only coordinates that are free may move. M has a
+block for each set of coupled coordinates; nothing of size n x n is built."""
 
 from __future__ import annotations
 
@@ -119,9 +117,8 @@ class Metric:
 
 
 def _blocks(M: ca.DM, free: Flags, index: Indices) -> list[tuple[Indices, Floats]]:
-    """Free coordinates that are coupled with others, set by set, by their indices (k,), and the lower factor of M over
-    them (k, k): a model of many bodies has as many small sets. Raises `NotDefiniteError` for the set that shows it
-    most."""
+    """Free coordinates that are coupled, set by set, by their indices (k,), and the lower factor of M over them (k, k).
+    Raises `NotDefiniteError` for the set that shows it most."""
     count, order, ends = M.sparsity().scc()
     found: list[tuple[Indices, Floats]] = []
     worst: NotDefiniteError | None = None

@@ -1,7 +1,5 @@
-"""The constraint rows B (C, n) at one configuration: their size, their independence, and steps along them.
-
-Independent rows answer by the sparse factors of their Gram matrix; only rows that may be dependent are made dense.
-"""
+"""The constraint rows B (C, n) at one configuration: their size, their independence, and steps along them. Independent
+rows answer by the sparse factors of their Gram matrix; only rows that may be dependent are made dense."""
 
 from __future__ import annotations
 
@@ -299,8 +297,7 @@ class MetricRows:
         return -self._metric.unwhitened(rows.combined(weights))
 
     def whole_correction(self, residual: Floats, least: float = 0.0) -> Floats:
-        """The step of `correction` with the weakest rows too, as long as they are not nearer than `least` to dependent
-        ones."""
+        """The step of `correction` with the weakest rows too, but for those within `least` of dependent ones."""
         sizes, in_metric = self._length_factors
         step = np.linalg.lstsq(self.dense, residual / sizes / in_metric, rcond=least)[0]
         return -self._metric.unwhitened(np.asarray(step, dtype=float))

@@ -1,8 +1,5 @@
-"""Rank of constraint rows by a gap in their singular values; no gap means undecided.
-
-Rows are taken in the mass-weighted metric (B M^-1/2) and normalized, so that the answer depends neither on how
-a row is scaled nor on units of mass.
-"""
+"""Rank of constraint rows by a gap in their singular values; no gap means undecided. Rows are taken in the mass metric
+(B M^-1/2) and normalized: scales of rows and units of mass do not matter."""
 
 from __future__ import annotations
 

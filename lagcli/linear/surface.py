@@ -1,7 +1,7 @@
 """The one road onto a surface f = 0: `nearby` by Newton's steps, `descend` from far off, `walk` along it.
 
-Equations are a function from a point to what they are there, linearized. A point is an array of floats, or of numbers
-with many digits (`Decimal`, `Fraction`); `nearby_all` takes many points of few coordinates at once.
+Equations are a function from a point, an array of floats or of numbers with many digits, to what they are there,
+linearized; `nearby_all` takes many points of few coordinates at once.
 """
 
 from __future__ import annotations

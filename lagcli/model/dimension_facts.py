@@ -19,9 +19,8 @@ POSITION = frozenset(("", "x", "y", "z", "v", "vx", "vy", "vz"))
 
 @frozen_value
 class DimensionFacts:
-    """The known dimensions, by the names of declarations, those of families without indices. lengths: of the f of
-    constraints, as powers of a length; angles: coordinates of which a sine, cosine or tangent is taken; positions:
-    particles."""
+    """The known dimensions, by the names of declarations. lengths: of the f of constraints, in powers; angles:
+    coordinates of which a sine, cosine or tangent is taken; positions: particles."""
 
     lengths: dict[str, float]
     angles: Names
@@ -90,8 +89,7 @@ def _terms(node: tree.Node) -> Iterator[tree.Node]:
 
 
 def _common(nodes: Iterable[tree.Node], particles: Names, angles: Names) -> Power:
-    """The dimension of all terms of expressions and of both sides of equations; None where it is not known, or terms
-    differ."""
+    """The dimension of all terms of expressions and sides of equations; None where terms differ or it is not known."""
     sides = [s for n in nodes for s in ((n.left, n.right) if isinstance(n, tree.Relation) else (n,))]
     powers = [_of(term, particles, angles) for side in sides for term in _terms(side)]
     known = {power for power in powers if power is not None}

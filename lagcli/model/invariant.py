@@ -9,9 +9,8 @@ from lagcli.frozen import frozen_value
 class LevelFunction:
     """A way to hold an integral without a pole or a jump: above/below is phi or a monotone function of it.
 
-    Both are finite wherever the chart serves, so that above * below(0) - below * above(0) stays zero, also where
-    `below` vanishes. `period`: phi jumps by whole multiples of it where an atan2 crosses its branch cut; then
-    `below` is "1".
+    Both are finite wherever the chart serves: above * below(0) - below * above(0) stays zero, also where `below`
+    vanishes. `period`: phi jumps by multiples of it where an atan2 crosses its cut; then `below` is "1".
     """
 
     above: str

@@ -195,9 +195,8 @@ class Differential:
 
 @frozen
 class Inequality:
-    """g(r, q, t) = left - right >= 0: a one-sided constraint, one row for each member, written with `>=` or with `<=`.
-    The `equation` is a `tree.Relation` that is turned round for `<=`. restitution: the coefficients e of its impacts, 0
-    <= e <= 1, shape (K,)."""
+    """g(r, q, t) = left - right >= 0: a one-sided constraint, a row for each member. The `equation`, a `tree.Relation`,
+    was turned round where it had `<=`. restitution: the coefficients 0 <= e <= 1 of its impacts, (K,)."""
 
     members: Family
     equation: Expression

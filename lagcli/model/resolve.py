@@ -85,8 +85,7 @@ class Leaves(Protocol[S]):
 
 class Resolver(Generic[S]):
     """The names of one expression, resolved to values. own: names that only this expression knows, such as `m`, `r`,
-    `v` of a particle; results: what is known only of a motion: multipliers, reactions, accelerations, energies and
-    outputs."""
+    `v` of a particle; results: what is known only of a motion, such as multipliers and accelerations."""
 
     def __init__(
         self,

@@ -151,8 +151,7 @@ def word(
 
 
 def jumps(value: Local, argument: ca.SX, inputs: list[ca.SX], begin: Starts) -> bool:
-    """True if a value (1, 1) jumps where the argument of a switch in it changes its sign, at one of the points that
-    are come upon."""
+    """True if a value (1, 1) jumps where the argument of a switch in it changes its sign, at a point that is found."""
     switch = Local(argument, inputs, with_slopes=True)
     with np.errstate(all="ignore"):
         # The starts (A,) from which Newton's method comes upon the switch, points (m, A) there, and ways across it

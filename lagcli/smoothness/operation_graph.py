@@ -76,8 +76,7 @@ def applied(op: int, parts: Sequence[ca.SX]) -> ca.SX:
 
 
 def folded(value: ca.SX, inputs: Sequence[ca.SX], leaf: Leaf[T], look: Look[T]) -> list[T]:
-    """Found for each entry of a column (k, 1) of the `inputs`: its operations are looked at, operands before
-    results; none is built again."""
+    """Found for each entry of a column (k, 1) of the `inputs`, by a look at its operations, operands before results."""
     function = SizedFunction("folded", list(inputs), [ca.densify(value)])
     expressions = functools.cache(function.instructions_sx)
     work: dict[int, T] = {}

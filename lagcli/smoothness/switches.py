@@ -1,8 +1,6 @@
-"""One pass over the operations of an expression: those that are not smooth everywhere, and what switches each.
-
-Where its argument vanishes an operation jumps, has a kink, a root without a derivative, the end of a range or a pole.
-There ends a piece of space on which rows are analytic: what holds at one generic point of a piece holds at nearly all.
-"""
+"""One pass over the operations of an expression: those that are not smooth everywhere, and what switches each. Where
+its argument vanishes an operation jumps, has a kink, a root without a derivative, the end of a range or a pole. There
+ends a piece of space on which rows are analytic: what holds at one generic point holds at nearly all."""
 
 from __future__ import annotations
 
@@ -103,8 +101,7 @@ def among(value: ca.SX, inputs: Sequence[ca.SX]) -> list[Switch]:
 
 
 def compared(value: ca.SX, inputs: Sequence[ca.SX]) -> list[ca.SX]:
-    """The values compared with zero by `abs` and `sign`, and the difference of what `min` and `max`, and their
-    derivatives, compare."""
+    """The values that `abs`, `sign`, `min`, `max` and their derivatives compare with zero."""
     comparing = (each.argument for each in among(value, inputs) if each.kind.is_comparing)
     return [argument for argument in comparing if argument is not None]
 
@@ -162,8 +159,7 @@ class AnalyticPieces:
 
 
 def on_branch(value: ca.SX, inputs: Sequence[ca.SX], point: Sequence[Floats], near: float) -> ca.SX:
-    """A column on the branch of a point; a switch that is within `near` of it stays, unless a branch that is not taken
-    holds it."""
+    """A column on the branch of a point; a switch within `near` of it stays, unless it is on a branch that is not."""
 
     def visit(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
         argument = comparison(op, parts)

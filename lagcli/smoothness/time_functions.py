@@ -1,9 +1,6 @@
-"""The functions of t alone in a model: where it switches, and what may rise and fall within a step.
-
-An explicit scheme sees forces at its stages only: a step that grew while nothing moved may lead over a pulse. What
-depends on t and parameters alone is known before the run: the arguments of functions with a kink, and bounded
-functions, whose rises and falls steps must not be longer than.
-"""
+"""The functions of t alone in a model: where it switches, and what may rise and fall within a step. An explicit scheme
+sees forces at its stages only: a step that grew while nothing moved may lead over a pulse. What depends on t and
+parameters alone is known before the run."""
 
 from __future__ import annotations
 
@@ -53,8 +50,7 @@ class TimeFunctions:
 
     size: values of all operations, of a family one for each member; switches: indices of values that are zero where a
     function jumps or has a kink; oscillations: of bounded values that are no sums or products of others; is_mixed:
-    whether t also stands in a function together with coordinates, or some functions are too many; cached: what was
-    found out about them.
+    whether t stands in a function with coordinates, or functions are too many; cached: what was found out about them.
     """
 
     operations: tuple[Operation, ...]
