@@ -111,7 +111,7 @@ class Expanded(SystemFunctions):
         parts, inertia, schur = self._parts, self._parts.inertia, self._watched[0]
         y, v, n = parts.y, parts.v, parts.v.numel()
         if parts.selection.independent:
-            v = v - inertia(parts.B_independent.T @ schur(parts.B_independent @ v + parts.b_independent))
+            v = v - inertia(parts.B_independent.T @ schur(parts.B_independent @ v + parts.of_independent[0]))
         v = ca.densify(v)
         there = parts.moving(v)
         if ca.depends_on(parts.M, parts.v):
@@ -132,7 +132,7 @@ def _acceleration(parts: Parts, inertia: selection.Solve, schur: selection.Solve
     free = inertia(parts.h)
     if not parts.selection.independent:
         return free, ca.SX(0, 1)
-    lam = ca.densify(schur(parts.gamma_independent - parts.B_independent @ free))
+    lam = ca.densify(schur(parts.of_independent[1] - parts.B_independent @ free))
     return inertia(parts.h + parts.reaction(lam)), lam
 
 
@@ -192,7 +192,7 @@ class Factored(SystemFunctions):
         projected = ca.densify(ca.vertcat(y[:n], v - parts.inertia(B.T @ mu), y[2 * n]))
         after = SizedFunction("after", [*parts.inputs, mu], [projected])
         t, _, p = inputs = self._inputs()
-        rights = ca.horzcat(ca.densify(B @ v + parts.b_independent), *more)
+        rights = ca.horzcat(ca.densify(B @ v + parts.of_independent[0]), *more)
         found = self._solved(parts.inputs, B, rights, inputs)
         there = after(*inputs, found[:, 0])
         return inputs, [there, *self._acceleration(t, there, p)], found
@@ -205,7 +205,7 @@ class Factored(SystemFunctions):
         def after(lam: ca.SX) -> list[ca.SX]:
             return [shared.state_rate(parts, parts.inertia(parts.h + parts.reaction(lam)), lam), lam]
 
-        right = ca.densify(parts.gamma_independent - B @ parts.inertia(parts.h))
+        right = ca.densify(parts.of_independent[1] - B @ parts.inertia(parts.h))
         return self._through("acceleration", parts.inputs, B, right, after)
 
     def _inputs(self) -> list[ca.MX]:

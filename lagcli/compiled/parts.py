@@ -150,12 +150,11 @@ class Parts:
         return self.of(self.selection.independent, self.B, self.acting.G)
 
     @cached_property
-    def b_independent(self) -> ca.SX:
-        return self.of(self.selection.independent, self.b, self.acting.g_t)
-
-    @cached_property
-    def gamma_independent(self) -> ca.SX:
-        return self.of(self.selection.independent, self.gamma, self.acting.gamma)
+    def of_independent(self) -> tuple[ca.SX, ca.SX]:
+        """b and gamma of the independent rows."""
+        columns = (self.b, self.acting.g_t), (self.gamma, self.acting.gamma)
+        b, gamma = (self.of(self.selection.independent, *column) for column in columns)
+        return b, gamma
 
     @cached_property
     def enforced(self) -> tuple[ca.SX, ca.SX]:
@@ -265,7 +264,7 @@ def build(system: System) -> Parts:
 
 def state_rate(parts: Parts, a: ca.SX, lam: ca.SX) -> ca.SX:
     """y' = (v, a, power - lambda . b)."""
-    return ca.densify(ca.vertcat(parts.v, a, parts.power - ca.dot(lam, parts.b_independent)))
+    return ca.densify(ca.vertcat(parts.v, a, parts.power - ca.dot(lam, parts.of_independent[0])))
 
 
 def responded(parts: Parts, f: ca.SX, free: ca.SX, x: ca.SX) -> ca.SX:

@@ -48,10 +48,9 @@ def written_out(function: ca.Function) -> Program:
     """The operations of an expanded function, whose first output is dense."""
     from lagcli.smoothness import operation_graph  # here, as most commands write nothing out
 
-    names, steps = operation_graph.names(), []
-    for k in range(function.n_instructions()):
-        code = function.instruction_id(k)
-        value = function.instruction_constant(k) if code == ca.OP_CONST else 0.0
-        out, of = function.instruction_output(k), function.instruction_input(k)
-        steps.append((names[code], tuple(out), tuple(of), value))
+    names = operation_graph.names()
+    steps = (
+        (names[op], tuple(out), tuple(of), value)
+        for op, of, out, value in operation_graph.instructions(function)
+    )
     return Program(tuple(steps), int(function.numel_out(0)))

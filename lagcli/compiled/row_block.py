@@ -62,7 +62,7 @@ class RowBlock:
         if not self.has_kinks:
             return self
         there = copy.copy(self)
-        for name in ("rows", "surface", "along", "curl", "has_kinks", "pieces", "_turning"):
+        for name in ("rows", "surface", "along", "curl", "has_kinks", "pieces"):
             there.__dict__.pop(name, None)
         point = [self.x, self.p], [x, p], near
         entries = switches.on_branch(ca.densify(ca.vec(ca.SX(self.A).nz[:])), *point)
@@ -88,7 +88,14 @@ class RowBlock:
     @cached_property
     def curl(self) -> ca.Function:
         """curl(x, p, Y, Z) -> d omega_i(Y, Z) of the differential rows (m,)."""
-        one, other = self._turning
+        *_, Y, Z = self._arguments
+        omega = self.A[len(self.holonomic) :, :]
+        entries, columns = ca.vec(omega.nz[:]), omega.sparsity().get_col()
+        # The terms of (J Y) . Z and (J Z) . Y, (m, N) each, with J the derivatives of the rows.
+        one, other = (
+            ca.SX(omega.sparsity(), ca.densify(ca.jtimes(entries, self.x, along)) * into[columns, 0])
+            for along, into in ((Y, Z), (Z, Y))
+        )
         return SizedFunction("curl", self._arguments, [ca.densify(ca.sum2(one) - ca.sum2(other))])
 
     @cached_property
@@ -105,18 +112,6 @@ class RowBlock:
     @cached_property
     def _arguments(self) -> list[ca.SX]:
         return [self.x, self.p, ca.SX.sym("Y", self.size), ca.SX.sym("Z", self.size)]
-
-    @cached_property
-    def _turning(self) -> list[ca.SX]:
-        """The terms of (J Y) . Z and (J Z) . Y, (m, N) each, with J the derivatives of the differential rows."""
-        *_, Y, Z = self._arguments
-        omega = self.A[len(self.holonomic) :, :]
-        entries, columns = ca.vec(omega.nz[:]), omega.sparsity().get_col()
-        found = []
-        for along, into in ((Y, Z), (Z, Y)):
-            change = ca.densify(ca.jtimes(entries, self.x, along)) * into[columns, 0]
-            found.append(ca.SX(omega.sparsity(), change))
-        return found
 
 
 def variable_sizes(A: ca.DM, kinds: npt.NDArray[np.intp]) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
@@ -149,18 +150,16 @@ def _blocks(
     """All rows in their order; `build` makes a block of the values of neighbours that cannot be mapped."""
     names: list[Row] = []
     blocks: list[family_rows.FamilyBlock] = []
-    values: list[ca.SX] = []
-    for rows, made in entries:
-        names += rows
-        if isinstance(made, ca.SX):
-            values.append(made)
-            continue
+    for _, group in itertools.groupby(entries, lambda entry: isinstance(entry[1], ca.SX)):
+        values: list[ca.SX] = []
+        for rows, made in group:
+            names += rows
+            if isinstance(made, ca.SX):
+                values.append(made)
+            else:
+                blocks.append(made)
         if values:
             blocks.append(build(_stack(values), environment))
-            values = []
-        blocks.append(made)
-    if values:
-        blocks.append(build(_stack(values), environment))
     return names, blocks
 
 

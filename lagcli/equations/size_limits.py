@@ -19,14 +19,13 @@ MOST_BYTES = 2e9
 
 def require_built(model: nouns.Model) -> None:
     """Raise `diagnostics.ModelError` for a model whose equations would take too much memory and time to build."""
-    sizes = _sizes(model)
-    total = sum(size for size, _ in sizes)
+    total = sum(size for size, _ in _sizes(model))
     if total > MOST_BUILT:
         message = (
             f"the model is too large: components of particles, coordinates and rows of constraints are {total}"
             f" together, and equations are built for at most {MOST_BUILT}"
         )
-        raise _too_large(message, sizes)
+        raise _too_large(message, model)
 
 
 def require_run(system: System) -> None:
@@ -41,7 +40,7 @@ def require_run(system: System) -> None:
             f"the model is too large to be run: {n} coordinates and {count} rows would take about"
             f" {needed / 1e9:.1f} GB, and at most {MOST_BYTES / 1e9:.0f} GB are taken"
         )
-        raise _too_large(message, _sizes(system.model))
+        raise _too_large(message, system.model)
 
 
 def rows(law: nouns.Holonomic | nouns.Differential | nouns.RigidBody | nouns.Inequality) -> int:
@@ -62,7 +61,6 @@ def _sizes(model: nouns.Model) -> list[tuple[int, diagnostics.Location]]:
     return sizes
 
 
-def _too_large(message: str, sizes: list[tuple[int, diagnostics.Location]]) -> diagnostics.ModelError:
-    _, location = max(sizes, key=lambda each: each[0])
-    hint = "model fewer members"
-    return diagnostics.error("too-large-to-build", message, location, hint)
+def _too_large(message: str, model: nouns.Model) -> diagnostics.ModelError:
+    _, location = max(_sizes(model), key=lambda each: each[0])
+    return diagnostics.error("too-large-to-build", message, location, "model fewer members")

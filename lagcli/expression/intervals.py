@@ -162,10 +162,6 @@ def _size(of: Intervals, a: Ends) -> Ends:
     return of.largest(a[0], -a[1], 0.0), of.largest(-a[0], a[1])
 
 
-def _inverse(of: Intervals, a: Ends) -> Ends:
-    return of.divide((1.0, 1.0), a)
-
-
 def _power(of: Intervals, base: Ends, exponent: Ends) -> Ends:
     number = of.number(exponent)
     if number is None:
@@ -178,7 +174,7 @@ def _power(of: Intervals, base: Ends, exponent: Ends) -> Ends:
 
 def _integer_power(of: Intervals, base: Ends, exponent: int) -> Ends:
     if exponent < 0:
-        return _inverse(of, _integer_power(of, base, -exponent))
+        return of.divide((1.0, 1.0), _integer_power(of, base, -exponent))
     if exponent % 2 == 0:
         base = _size(of, base)
     return of.wide(of.power(base[0], exponent), of.power(base[1], exponent))
@@ -192,7 +188,7 @@ _RULES: dict[str, Callable[..., Ends]] = {
     "twice": lambda of, a: (2 * a[0], 2 * a[1]),
     "sq": lambda of, a: _integer_power(of, a, 2),
     "div": lambda of, a, b: of.divide(a, b),
-    "inv": _inverse,
+    "inv": lambda of, a: of.divide((1.0, 1.0), a),
     "pow": _power,
     "constpow": _power,
     "assign": lambda of, a: a,
