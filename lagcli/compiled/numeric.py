@@ -34,6 +34,8 @@ from lagcli.smoothness import named_functions
 from lagcli.smoothness.sized_function import SizedFunction
 
 if TYPE_CHECKING:
+    from lagcli.compiled.contact_kinds import ContactKind
+    from lagcli.compiled.contact_values import ContactValues
     from lagcli.compiled.force_switches import ForceSwitches
     from lagcli.compiled.narrow_arguments import NarrowArguments
     from lagcli.equations.level_functions import LevelExpression
@@ -226,10 +228,17 @@ class NumericSystem:
         return SizedFunction("contacts", self._inputs, [g, contacts.G, *others])
 
     @cached_property
-    def contact_values(self) -> ca.Function:
-        from lagcli.compiled import contact_values
+    def contact_values(self) -> ContactValues:
+        from lagcli.compiled.contact_values import ContactValues
 
-        return contact_values.function(self._parts)
+        return ContactValues(self._parts, self.contact_kinds)
+
+    @cached_property
+    def contact_kinds(self) -> list[ContactKind]:
+        """See `ContactKind`."""
+        from lagcli.compiled import contact_kinds
+
+        return contact_kinds.found(self._parts)
 
     @cached_property
     def contact_motion(self) -> ca.Function:
@@ -252,7 +261,7 @@ class NumericSystem:
     def gap_floors(self) -> ca.Function:
         from lagcli.compiled import contact_values
 
-        return contact_values.floors(self._parts)
+        return contact_values.floors(self._parts, self.contact_kinds)
 
     @property
     def lying_rows(self) -> list[int]:

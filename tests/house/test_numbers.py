@@ -44,7 +44,7 @@ LOOSE = {
     "pfaffian": 49,
     "reporting": 9,
     "running": 7,
-    "simulation": 73,
+    "simulation": 72,
     "smoothness": 7,
     "start": 0,
     "statics": 3,

@@ -46,6 +46,7 @@ ARITHMETICS = {
     "lagcli.equations.operation_rules": "roundings of a value as an expression, which a run evaluates",
     "lagcli.equations.power_series": "coefficients of power series",
     "lagcli.compiled.multiprecision": "many digits, with derivatives",
+    "lagcli.compiled.column_program": "doubles of many columns at once, by numpy",
 }
 
 
@@ -146,6 +147,7 @@ PASSES = {
     *("lagcli.smoothness.operation_graph", "lagcli.smoothness.switches", "lagcli.smoothness.jump_search"),
     *("lagcli.equations.branch_cuts", "lagcli.equations.operation_rules"),
     *("lagcli.equations.power_series", "lagcli.compiled.contact_values", "lagcli.compiled.program"),
+    *("lagcli.compiled.contact_kinds", "lagcli.compiled.column_program"),
     *("lagcli.compiled.narrow_arguments", "lagcli.compiled.row_block", "lagcli.statics.kink_points"),
     "lagcli.native.lowering",  # it writes each as an instruction, and asks nothing of it
 }

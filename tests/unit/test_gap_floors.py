@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.compiled import NumericSystem
+from lagcli.compiled import NumericSystem, contact_kinds
 from lagcli.equations import system
-from lagcli.simulation.events import step_watch
 from lagcli.simulation.events.watch_functions import WatchFunctions
 
 CONDITIONS = (
@@ -79,7 +78,7 @@ def test_of_many_gaps_those_that_are_not_clear_are_searched_at_once(monkeypatch:
     """And the impacts are the same."""
     model = lagcli.loads(FAR.replace("HEIGHT", "0"))
     usual = lagcli.simulate(model, duration=3.0, samples=4)
-    monkeypatch.setattr(step_watch, "MANY", 0)
+    monkeypatch.setattr(contact_kinds.ContactKindParameters, "many", 0)
     many = lagcli.simulate(model, duration=3.0, samples=4)
     assert usual.stats.impacts == many.stats.impacts >= 1
     assert (usual["a.z"] == many["a.z"]).all()

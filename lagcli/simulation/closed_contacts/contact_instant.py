@@ -6,6 +6,7 @@ import dataclasses
 import itertools
 import math
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from lagcli.contact import impact_law
 from lagcli.contact.impact_law import FewContacts, Response
 from lagcli.linear.metric import Metric
 from lagcli.linear.metric_rows import LocalRows, MetricRows, Sparse, sparse, stacked
+from lagcli.simulation.closed_contacts import many_contacts
+from lagcli.simulation.closed_contacts.many_contacts import ManyContacts
 from lagcli.start.initial import State
 
 
@@ -58,6 +61,18 @@ class ContactParameters:
     ahead: float = 0.0
 
 
+class InstantNumbers(NamedTuple):
+    """The numbers of contacts at an instant: columns (11, K), entries of G, units (n,) and numbers of the motion;
+    looked: the contacts that all of them are of, None for all K; own: the places of their entries."""
+
+    columns: Floats
+    entries: Floats
+    units: Floats
+    motion: MotionNumbers
+    looked: Indices | None = None
+    own: Indices | slice = slice(None)
+
+
 class ContactRowValues:
     """The contacts of one system as functions of numbers, bound to memory; equality_count: C; `numeric` is of the
     system with any contacts closed; has_independent_rows: no equality row is redundant."""
@@ -67,9 +82,8 @@ class ContactRowValues:
         self.has_independent_rows = not numeric.selection.dependencies
         n, p = numeric.n, numeric.contacts.numel_in(3)
         self._arguments = [np.zeros(size) for size in (1, n, n, p, contact_values.CHOSEN)]
-        self._bound = BoundFunction(numeric.contact_values, self._arguments)
+        self._order = numeric.contact_values.order
         pattern = numeric.contacts.sparsity_out(1)
-        self._order = np.argsort(contact_values.order(pattern))
         rows, columns = pattern.get_triplet()
         self.row, self.column = np.asarray(rows, dtype=np.intp), np.asarray(columns, dtype=np.intp)
         self.count = int(numeric.contacts.size1_out(0))
@@ -78,13 +92,35 @@ class ContactRowValues:
         # The indices among the entries of G of those of each contact.
         self.of = [order[first:end] for first, end in itertools.pairwise(ends)]
 
-    def at(self, state: State, chosen: ContactParameters) -> Floats:
-        """The numbers of `compiled.contact_values`, in memory of their own."""
+    @cached_property
+    def _every(self) -> BoundFunction:
+        return BoundFunction(self.numeric.contact_values.function, self._arguments)
+
+    @cached_property
+    def _many(self) -> ManyContacts | None:
+        values = self.numeric.contact_values
+        return ManyContacts(values, self._arguments) if many_contacts.are_some(values, self.count) else None
+
+    def at(self, state: State, chosen: ContactParameters, asked: Indices | None) -> InstantNumbers:
+        """The numbers of `compiled.contact_values`, in memory of their own; asked: contacts of which they are wanted
+        where these are not near, None for all."""
         t, q, v, p, numbers = self._arguments
         t[0], q[:], v[:], p[:] = state.t, state.q, state.v, state.p
         numbers[:] = chosen.rtol, chosen.span, chosen.size, chosen.speed, chosen.since, chosen.across
-        self._bound.trigger()
-        return np.asarray(self._bound.results[0][self._order])
+        if asked is not None and self._many is not None:
+            columns, looked, found, units, motion = self._many.at(asked, PARAMETERS.closely)
+            none = np.zeros(0, dtype=np.intp)
+            own = np.concatenate([none, *(self.of[j] for j in looked.tolist())])
+            entries = np.zeros(self.row.size)
+            entries[own] = found
+            return InstantNumbers(columns, entries, units, motion, looked, own)
+        self._every.trigger()
+        packed = np.asarray(self._every.results[0][self._order])
+        count = len(contact_values.COLUMNS) * self.count
+        first, last = count + self.row.size, packed.size - len(MotionNumbers._fields)
+        motion = MotionNumbers(*packed[last:].tolist())
+        columns = packed[:count].reshape(-1, self.count)
+        return InstantNumbers(columns, packed[count:first], packed[first:last], motion)
 
     @cached_property
     def _response(self) -> BoundFunction:
@@ -118,19 +154,28 @@ class ContactRowValues:
 class ContactInstant:
     """All K contacts at a state, with the numbers of `compiled.contact_values`. values: of the system; chosen: numbers
     of the run; has_gradient (K,): contacts whose gradient has a value there, as others have none until they are closed;
-    units (n,): of `parts.Sizes`; size: of the motion, as `parts.Sizes.q`, or the largest so far."""
+    units (n,): of `parts.Sizes`; size: of the motion, as `parts.Sizes.q`, or the largest so far.
 
-    def __init__(self, values: ContactRowValues, state: State, chosen: ContactParameters) -> None:
+    Of many contacts g and touching_gap are of all, all else of those that are nearly closed or `asked` for, and
+    nothing, nan or zero, of others.
+    """
+
+    _own: Indices | slice = slice(None)
+
+    def __init__(
+        self,
+        values: ContactRowValues,
+        state: State,
+        chosen: ContactParameters,
+        asked: Indices | None = None,
+    ) -> None:
         self.state, self.values, self.chosen = state, values, chosen
-        packed = values.at(state, chosen)
-        K, count = values.count, len(contact_values.COLUMNS)
-        columns = packed[: count * K].reshape(count, K)
+        columns, self._entries, self.units, self._motion, self._looked, self._own = values.at(
+            state, chosen, asked
+        )
         self.g, self.g_t, self.gamma, has_gradient, self.speeds = columns[:5]
         self.noise, self.touching_gap, self.slow, self.lowest, self.pull, self._blurred = columns[5:]
         self.has_gradient: Flags = has_gradient > 0
-        first, last = count * K + values.row.size, packed.size - len(MotionNumbers._fields)
-        self._entries, self.units = packed[count * K : first], packed[first:last]
-        self._motion = MotionNumbers(*packed[last:].tolist())
         self.size = self._motion.size
         # Of contacts that were asked for together; None of those that are not few, or not apart.
         self._few: dict[tuple[int, ...], FewContacts | None] = {}
@@ -138,7 +183,7 @@ class ContactInstant:
     def moved(self, v: Floats) -> ContactInstant:
         """The instant at another velocity (n,)."""
         chosen = dataclasses.replace(self.chosen, speed=self._motion.speed)
-        other = ContactInstant(self.values, dataclasses.replace(self.state, v=v), chosen)
+        other = ContactInstant(self.values, dataclasses.replace(self.state, v=v), chosen, self._looked)
         other._few = self._few
         return other
 
@@ -152,7 +197,12 @@ class ContactInstant:
 
     def at(self, state: State) -> ContactInstant:
         """The contacts at another state."""
-        return ContactInstant(self.values, state, self.chosen)
+        return ContactInstant(self.values, state, self.chosen, self._looked)
+
+    @property
+    def whole(self) -> ContactInstant:
+        """The same instant with all numbers of all contacts."""
+        return self if self._looked is None else ContactInstant(self.values, self.state, self.chosen)
 
     def displaced(self, way: Floats) -> ContactInstant:
         """The contacts at another place, this way (n,) off."""
@@ -179,11 +229,15 @@ class ContactInstant:
 
     def gap_changes(self, way: float) -> Floats:
         """Changes of g (K,) that a displacement by this way makes, which is counted as the size."""
-        return self._summed(np.abs(self._entries * self.units[self.values.column]) * way)
+        return self._summed(np.abs(self._terms(self.units)) * way)
+
+    def _terms(self, x: Floats) -> Floats:
+        """What each entry of G gives with x (n,)."""
+        return np.asarray(self._entries[self._own] * x[self.values.column[self._own]])
 
     def _summed(self, terms: Floats) -> Floats:
         """The sums (K,) of what each entry of G gives."""
-        return np.asarray(np.bincount(self.values.row, terms, minlength=self.values.count))
+        return np.asarray(np.bincount(self.values.row[self._own], terms, minlength=self.values.count))
 
     @property
     def speed_roundoff(self) -> Floats:
@@ -214,11 +268,11 @@ class ContactInstant:
 
     def changes(self, x: Floats) -> Floats:
         """G x (K,)."""
-        return self._summed(self._entries * x[self.values.column])
+        return self._summed(self._terms(x))
 
     def sizes_of_changes(self, x: Floats) -> Floats:
         """|G| |x| (K,)."""
-        return self._summed(np.abs(self._entries * x[self.values.column]))
+        return self._summed(np.abs(self._terms(x)))
 
     def gradients(self, contacts: Indices) -> Sparse:
         """The rows of G of some contacts, (k, n)."""

@@ -63,7 +63,7 @@ def impacts(here: ContactInstant, restitution: Floats, before: ClosedBefore) -> 
             return ()
         if not (here.near & ~first.impacting).any():
             return (first,)
-        series = _Series(here, restitution, first, away).followed()
+        series = _Series(here.whole, restitution, first, away).followed()
         speeds = here.moved(series[-1].v).speeds
         # What comes more slowly than rest is told from is struck by no later impact: it is struck by this one.
         left = away & (speeds < -here.speed_roundoff) & (speeds >= -here.slow)

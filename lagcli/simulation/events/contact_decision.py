@@ -7,7 +7,7 @@ from collections.abc import Set as AbstractSet
 
 import numpy as np
 
-from lagcli.arrays import Flags, Floats
+from lagcli.arrays import Flags, Floats, Indices
 from lagcli.compiled.selection import Selection
 from lagcli.frozen import frozen
 from lagcli.simulation.closed_contacts import contact_change, contact_mode, impact_series
@@ -194,7 +194,7 @@ class ContactDecision:
             among = np.flatnonzero(level).tolist()
             is_open = ahead.before is not None or contacts.idle
             if is_open or not contact_mode.are_independent(contacts.open_, after, among):
-                look = contacts.at(ahead.t, ahead.y, why.here.chosen.span)
+                look = contacts.at(ahead.t, ahead.y, why.here.chosen.span, asked=among)
         if not level.any():
             return ContactMode(contacts.open_, ()), level
         sunk = contacts.sunk(struck.here) if why.switch is None else None
@@ -271,14 +271,16 @@ class ContactChanges:
         self._rows, self._count, self._names = contacts.rows, contacts.count, contacts.names
         self._kinked = named_functions.switching_contacts(contacts.system.model)
 
-    def noise(self, watch: StepWatch, step: FoundStep) -> tuple[Floats, Floats]:
+    def noise(self, watch: StepWatch, step: FoundStep, indices: Indices) -> tuple[Floats, Floats]:
         """The noise of gaps and multipliers in a step, in which terms that cancel may grow, with room for that of
-        events (W,); and the extents of gaps at its begin, as `ContactInstant.lowest` (K,)."""
+        events (W,), and the extents of gaps at its begin, as `ContactInstant.lowest` (K,): of the functions at some
+        indices."""
         noise, run = np.zeros(watch.functions.kinds.numbers.size), self._run
         if not self._count:
             return noise, np.zeros(0)
-        here = self._contacts.here(step.taken)
-        there = self._contacts.at(step.reached, run.bound.new, step.taken)
+        asked = watch.functions.contacts[indices[indices < watch.functions.contacts.size]].tolist()
+        here = self._contacts.here(step.taken, asked=asked)
+        there = self._contacts.at(step.reached, run.bound.new, step.taken, asked=asked)
         found = np.fmax(here.noise, there.noise)
         touching = list(run.contacts.touching)
         # Steps are held no closer than to their absolute tolerance.
@@ -385,8 +387,9 @@ class ContactChanges:
         if events:
             self.events.report(events)
         if any(i < first for i in hits):
-            here = self._contacts.here(span)
-            self._require_directions(here, [i - self._rows for i in hits if self._rows <= i < first], extents)
+            closing = [i - self._rows for i in hits if self._rows <= i < first]
+            here = self._contacts.here(span, asked=closing)
+            self._require_directions(here, closing, extents)
             self._require_no_jump(here.deep(PROJECTED))
             if run.contacts.again > MOST_AGAIN / 2:
                 # What closes again and again without a step approaches, however slowly.

@@ -191,7 +191,7 @@ class ContactEvent(Event):
         are_watched = kinds.is_event.copy()
         are_watched[: watch.is_open.size] = watch.is_open
         indices = np.flatnonzero(are_watched)
-        rounding, extents = self._changes.noise(watch, step)
+        rounding, extents = self._changes.noise(watch, step, np.arange(kinds.numbers.size))
         lift_off = step_watch.first_lift_off(curve, np.flatnonzero(~watch.is_open), rounding)
         noise = rounding[indices]
         sizes = np.minimum(*(np.abs(curve.inside(x)[0]) for x in (0.0, 1.0)))
@@ -238,7 +238,7 @@ class ContactEvent(Event):
         is_last = step.reached == run.grid.end
         if is_last and kinds.has_events:
             indices = np.union1d(indices, np.flatnonzero(kinds.is_event))
-        noise, extents = self._changes.noise(watch, step)
+        noise, extents = self._changes.noise(watch, step, indices)
         if not indices.size:
             return Met(step)
         limit = min(limit, step.barrier.part if step.barrier is not None else 1.0)

@@ -63,18 +63,23 @@ class RunContacts:
         """The contacts that are closed, whether they press or not."""
         return {*self.closed, *self.idle}
 
-    def here(self, span: float, across: float = 0.0) -> ContactInstant:
-        """The contacts where the run stands, at one of the ends of a step of this span, a time across behind a
-        switch."""
-        return self.at(self.run.t, self.run.bound.y, span, across)
+    def here(self, span: float, across: float = 0.0, asked: Iterable[int] = ()) -> ContactInstant:
+        """The contacts where the run stands, at one of the ends of a step of this span, a time across behind a switch;
+        asked: as `ContactInstant` takes it, besides those that are closed or touch."""
+        return self.at(self.run.t, self.run.bound.y, span, across, asked)
 
-    def at(self, t: float, y: Floats, span: float, across: float = 0.0) -> ContactInstant:
+    def at(
+        self, t: float, y: Floats, span: float, across: float = 0.0, asked: Iterable[int] = ()
+    ) -> ContactInstant:
         """The contacts at another state of the run (2n + 1,), likewise."""
         run = self.run
         given = float(run.tolerance[0]), span, run.contacts.size
         times = {"across": max(across, run.timetable.least), "ahead": run.control.step}
         chosen = ContactParameters(*given, since=t - run.grid.start, **times)
-        return ContactInstant(self._values, run.state_at(t, y.copy()), chosen)
+        numbers = sorted({*self.lying, *run.contacts.touching, *asked})
+        return ContactInstant(
+            self._values, run.state_at(t, y.copy()), chosen, np.array(numbers, dtype=np.intp)
+        )
 
     def sunk(self, here: ContactInstant) -> Flags:
         """Contacts that touch without a push worth mentioning and creep in all the same, (K,): as slowly as something

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from lagcli import doubles
 from lagcli.arrays import Floats, Indices
+from lagcli.compiled import contact_kinds
 from lagcli.compiled.bound_function import BoundFunction, cells
 from lagcli.contact import zero_search
 from lagcli.contact.zero_search import FirstCrossing
@@ -27,8 +28,6 @@ from lagcli.simulation.stepping import grid, interpolate_rows
 from lagcli.simulation.stepping.found_step import FoundStep
 from lagcli.simulation.stepping.stepper import Stepper
 
-# Of more functions than these no look is taken at all where some come near.
-MANY = 256
 # Rounding of the state: of each of its numbers so many roundings, and of the size of the motion; of what it makes of a
 # function, the largest of some random samples, as many times.
 OF_EACH, OF_ALL, SAMPLES = 16.0, 4.0, 4
@@ -89,7 +88,7 @@ class StepWatch:
             self._hull.trigger()
             if self._floor[0] > 0.0:
                 return True
-            if len(self._floor) > MANY:
+            if len(self._floor) > contact_kinds.PARAMETERS.many:
                 # Of so many few are near, and those are looked at one by one.
                 self._near = self._hull.results[0][1:]
                 return False
