@@ -45,23 +45,28 @@ OPERATIONS: dict[int, Operation] = {
 
 
 class ColumnProgram:
-    """A function of `inputs`, each a column (m, 1) that all share or a column each (m, k), bound to memory; `results`:
-    the entries of its first result, (r, k), of which only those at `wanted` are made."""
+    """The operations of a function, to be bound to columns; is_whole: there are no others."""
 
-    def __init__(self, function: ca.Function, inputs: Sequence[Floats], wanted: Sequence[int]) -> None:
-        k = max(each.shape[1] for each in inputs)
-        self.results = np.zeros((len(wanted), k))
+    def __init__(self, function: ca.Function) -> None:
+        self._listed = operation_graph.instructions(function) if function.is_a("SXFunction") else []
+        others = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
+        self.is_whole = bool(self._listed) and all(
+            op in OPERATIONS or op in others for op, *_ in self._listed
+        )
+
+    def bound(self, inputs: Sequence[Floats], wanted: Sequence[int]) -> BoundColumns:
+        """The program with `inputs`, each a column (m, 1) that all share or a column each (m, k), that makes those
+        entries of the first result that are `wanted`."""
+        found = BoundColumns(len(wanted), max(each.shape[1] for each in inputs))
         place = {entry: i for i, entry in enumerate(wanted)}
-        self._calls: list[tuple[Operation, tuple[Floats, ...]]] = []
         registers: dict[int, Floats] = {}
         memory: dict[tuple[int, int], Floats] = {}
-        listed = operation_graph.instructions(function)
-        needed = _needed(listed, place)
-        for (op, taken, given, constant), is_needed in zip(listed, needed, strict=True):
+        needed = _needed(self._listed, place)
+        for (op, taken, given, constant), is_needed in zip(self._listed, needed, strict=True):
             if not is_needed:
                 continue
             if op == ca.OP_OUTPUT:
-                self._calls.append((np.copyto, (self.results[place[given[1]]], registers[taken[0]])))
+                found.calls.append((np.copyto, (found.results[place[given[1]]], registers[taken[0]])))
             elif op == ca.OP_INPUT:
                 registers[given[0]] = inputs[taken[0]][taken[1]]
             elif op == ca.OP_CONST:
@@ -70,23 +75,24 @@ class ColumnProgram:
                 operands = [registers[index] for index in taken]
                 size = max(each.size for each in operands)
                 out = memory.setdefault((given[0], size), np.zeros(size))
-                self._calls.append((OPERATIONS[op], (*operands, out)))
+                found.calls.append((OPERATIONS[op], (*operands, out)))
                 registers[given[0]] = out
+        return found
+
+
+class BoundColumns:
+    """A program bound to memory: `calls` are its operations, `results` (r, k) what they make."""
+
+    def __init__(self, count: int, k: int) -> None:
+        self.results = np.zeros((count, k))
+        self.calls: list[tuple[Operation, tuple[Floats, ...]]] = []
 
     def run(self) -> Floats:
-        """The results."""
+        """The results, for the inputs as they are now."""
         with np.errstate(all="ignore"):
-            for operation, arrays in self._calls:
+            for operation, arrays in self.calls:
                 operation(*arrays)
         return self.results
-
-
-def is_there(function: ca.Function) -> bool:
-    """True where a function has operations of a program alone."""
-    others = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
-    return function.is_a("SXFunction") and all(
-        op in OPERATIONS or op in others for op, *_ in operation_graph.instructions(function)
-    )
 
 
 def _needed(listed: Sequence[operation_graph.Instruction], wanted: dict[int, int]) -> list[bool]:

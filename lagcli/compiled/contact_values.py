@@ -176,6 +176,15 @@ class ContactValues:
         return SizedFunction("of_contact", inputs, [packed], {"cse": True})
 
 
+def moving(parts: Parts, kind: ContactKind) -> ca.Function:
+    """moving(t, q, p, dt, dq) -> g of one contact of a kind and its change along (dt, dq), of its coordinates alone."""
+    j, coordinates = int(kind.members[0]), kind.coordinates[0].tolist()
+    at, p = ca.vertcat(parts.t, parts.y[coordinates]), parts.p
+    along, g = ca.SX.sym("along", at.numel()), ca.densify(parts.contacts.g[j])
+    outputs = ca.densify(ca.vertcat(g, ca.jtimes(g, at, along)))
+    return SizedFunction("moving", [at[0], at[1:], p, along[0], along[1:]], [outputs], {"cse": True})
+
+
 def floors(parts: Parts, kinds: Sequence[ContactKind]) -> ca.Function:
     """floors(t_low, t_high, q_low, q_high, p) -> (K,); where nothing is known, far below zero."""
     n = parts.v.numel()

@@ -258,6 +258,13 @@ class NumericSystem:
     """gaps(t, y, p) -> g (K,)."""
 
     @cached_property
+    def moving_gaps(self) -> list[ca.Function]:
+        """Of each of the `contact_kinds` moving(t, q, p, dt, dq) -> g and its change, (2,), of its own coordinates."""
+        from lagcli.compiled import contact_values
+
+        return [contact_values.moving(self._parts, kind) for kind in self.contact_kinds]
+
+    @cached_property
     def gap_floors(self) -> ca.Function:
         from lagcli.compiled import contact_values
 

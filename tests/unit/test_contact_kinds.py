@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.compiled import NumericSystem, column_program, contact_kinds
+from lagcli.compiled import NumericSystem, contact_kinds
 from lagcli.compiled.column_program import ColumnProgram
 from lagcli.equations import system
 from lagcli.simulation.closed_contacts import contact_instant
@@ -120,12 +120,12 @@ def test_a_program_of_columns_has_the_bits_of_the_function() -> None:
         *(ca.logic_and(a < b, b < c), ca.logic_or(a < b, b < c), ca.logic_not(a < b)),
     )
     function = SizedFunction("f", [x], [value])
-    assert column_program.is_there(function)
+    assert ColumnProgram(function).is_whole
     points = np.random.default_rng(3).standard_normal((3, 50))
     points[:, 0] = 0.0
-    found = ColumnProgram(function, [points], range(value.numel())).run()
+    found = ColumnProgram(function).bound([points], range(value.numel())).run()
     assert np.array(function(points)).tobytes() == np.ascontiguousarray(found.T).T.tobytes()
-    assert not column_program.is_there(SizedFunction("g", [x], [ca.sin(a)]))
+    assert not ColumnProgram(SizedFunction("g", [x], [ca.sin(a)])).is_whole
 
 
 def test_contacts_without_a_program_are_asked_all_at_once(monkeypatch: pytest.MonkeyPatch) -> None:

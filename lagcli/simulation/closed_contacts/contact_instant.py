@@ -101,14 +101,15 @@ class ContactRowValues:
         values = self.numeric.contact_values
         return ManyContacts(values, self._arguments) if many_contacts.are_some(values, self.count) else None
 
-    def at(self, state: State, chosen: ContactParameters, asked: Indices | None) -> InstantNumbers:
-        """The numbers of `compiled.contact_values`, in memory of their own; asked: contacts of which they are wanted
-        where these are not near, None for all."""
+    def at(
+        self, state: State, chosen: ContactParameters, asked: Indices | None, is_near: bool
+    ) -> InstantNumbers:
+        """The numbers of `compiled.contact_values`, in memory of their own; asked, is_near: see `ContactInstant`."""
         t, q, v, p, numbers = self._arguments
         t[0], q[:], v[:], p[:] = state.t, state.q, state.v, state.p
         numbers[:] = chosen.rtol, chosen.span, chosen.size, chosen.speed, chosen.since, chosen.across
         if asked is not None and self._many is not None:
-            columns, looked, found, units, motion = self._many.at(asked, PARAMETERS.closely)
+            columns, looked, found, units, motion = self._many.at(asked, PARAMETERS.closely * is_near)
             none = np.zeros(0, dtype=np.intp)
             own = np.concatenate([none, *(self.of[j] for j in looked.tolist())])
             entries = np.zeros(self.row.size)
@@ -157,7 +158,8 @@ class ContactInstant:
     units (n,): of `parts.Sizes`; size: of the motion, as `parts.Sizes.q`, or the largest so far.
 
     Of many contacts g and touching_gap are of all, all else of those that are nearly closed or `asked` for, and
-    nothing, nan or zero, of others.
+    nothing, nan or zero, of others. Where `is_near` is not wanted only g is of all, and all else of those that are
+    violated or asked for.
     """
 
     _own: Indices | slice = slice(None)
@@ -168,10 +170,11 @@ class ContactInstant:
         state: State,
         chosen: ContactParameters,
         asked: Indices | None = None,
+        is_near: bool = True,
     ) -> None:
         self.state, self.values, self.chosen = state, values, chosen
         columns, self._entries, self.units, self._motion, self._looked, self._own = values.at(
-            state, chosen, asked
+            state, chosen, asked, is_near
         )
         self.g, self.g_t, self.gamma, has_gradient, self.speeds = columns[:5]
         self.noise, self.touching_gap, self.slow, self.lowest, self.pull, self._blurred = columns[5:]

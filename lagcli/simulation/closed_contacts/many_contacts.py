@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from lagcli.arrays import Floats, Indices
-from lagcli.compiled import column_program, contact_kinds
+from lagcli.compiled import contact_kinds
 from lagcli.compiled.bound_function import BoundFunction
 from lagcli.compiled.column_program import ColumnProgram
 from lagcli.compiled.contact_values import COLUMNS, ContactValues, MotionNumbers
@@ -25,7 +25,7 @@ class ManyContacts:
         self._motion = BoundFunction(values.motion, arguments)
         of_motion, self._units = np.zeros(len(self._motion.results) - 1), self._motion.results[0]
         self._kinds, self._of_motion = values.kinds, of_motion
-        self._near, self._one = [], []
+        self._gaps, self._near, self._one = [], [], []
         for kind, function in zip(values.kinds, values.of_kinds, strict=True):
             m, k = kind.coordinates.shape[1], kind.members.size
             local = [np.zeros(m) for _ in range(3)]
@@ -35,7 +35,9 @@ class ManyContacts:
             of_all = [np.zeros((m, k)) for _ in range(3)]
             given = [t, *of_all[:2], p, chosen, of_all[2], of_motion]
             given = [each if each.ndim > 1 else each.reshape(-1, 1) for each in given]
-            self._near.append((ColumnProgram(function, given, (GAP, TOUCHING)), of_all))
+            program = ColumnProgram(function)
+            self._gaps.append((program.bound(given, (GAP,)), of_all[:1]))
+            self._near.append((program.bound(given, (GAP, TOUCHING)), of_all))
         self._places = [np.ascontiguousarray(kind.coordinates.T) for kind in values.kinds]
         count = sum(kind.members.size for kind in values.kinds)
         # The kind of each contact, and its number among those of the kind.
@@ -46,15 +48,19 @@ class ManyContacts:
     def at(self, asked: Indices, closely: float) -> tuple[Floats, Indices, Floats, Floats, MotionNumbers]:
         """At the arguments: the `COLUMNS` (11, K), of which gaps and what counts as closed are of all; the contacts
         that all columns are of: those asked for and those whose gaps are not above so many times what counts as closed;
-        their entries of G, one contact after the other; the units (n,), and the numbers of the motion."""
+        their entries of G, one contact after the other; the units (n,), and the numbers of the motion. Where closely is
+        0 they are those that are not open, and what counts as closed is of them alone."""
         self._motion.trigger()
         self._of_motion[:] = [float(each[0]) for each in self._motion.results[1:]]
         columns = np.full((len(COLUMNS), self._kind.size), np.nan)
-        for (program, of_all), places, kind in zip(self._near, self._places, self._kinds, strict=True):
-            for source, target in zip((self._q, self._v, self._units), of_all, strict=True):
+        programs, made = (self._near, (GAP, TOUCHING)) if closely else (self._gaps, (GAP,))
+        for (program, of_all), places, kind in zip(programs, self._places, self._kinds, strict=True):
+            for source, target in zip((self._q, self._v, self._units), of_all, strict=False):
                 np.take(source, places, out=target, mode="clip")
-            columns[GAP, kind.members], columns[TOUCHING, kind.members] = program.run()
-        is_near = ~(columns[GAP] > closely * columns[TOUCHING])
+            for column, found in zip(made, program.run(), strict=True):
+                columns[column, kind.members] = found
+        least = closely * columns[TOUCHING] if closely else 0.0
+        is_near = ~(columns[GAP] > least)
         is_near[asked] = True
         looked, entries = np.flatnonzero(is_near), [np.zeros(0)]
         for j, number, member in zip(
@@ -72,4 +78,6 @@ class ManyContacts:
 
 def are_some(values: ContactValues, count: int) -> bool:
     """True where there are so many contacts, of kinds that allow it."""
-    return count > contact_kinds.PARAMETERS.many and all(map(column_program.is_there, values.of_kinds))
+    return count > contact_kinds.PARAMETERS.many and all(
+        ColumnProgram(each).is_whole for each in values.of_kinds
+    )

@@ -279,8 +279,8 @@ class ContactChanges:
         if not self._count:
             return noise, np.zeros(0)
         asked = watch.functions.contacts[indices[indices < watch.functions.contacts.size]].tolist()
-        here = self._contacts.here(step.taken, asked=asked)
-        there = self._contacts.at(step.reached, run.bound.new, step.taken, asked=asked)
+        ends = (run.t, run.bound.y), (step.reached, run.bound.new)
+        here, there = (self._contacts.at(*end, step.taken, asked=asked, is_near=False) for end in ends)
         found = np.fmax(here.noise, there.noise)
         touching = list(run.contacts.touching)
         # Steps are held no closer than to their absolute tolerance.

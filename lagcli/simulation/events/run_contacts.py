@@ -69,7 +69,13 @@ class RunContacts:
         return self.at(self.run.t, self.run.bound.y, span, across, asked)
 
     def at(
-        self, t: float, y: Floats, span: float, across: float = 0.0, asked: Iterable[int] = ()
+        self,
+        t: float,
+        y: Floats,
+        span: float,
+        across: float = 0.0,
+        asked: Iterable[int] = (),
+        is_near: bool = True,
     ) -> ContactInstant:
         """The contacts at another state of the run (2n + 1,), likewise."""
         run = self.run
@@ -77,9 +83,8 @@ class RunContacts:
         times = {"across": max(across, run.timetable.least), "ahead": run.control.step}
         chosen = ContactParameters(*given, since=t - run.grid.start, **times)
         numbers = sorted({*self.lying, *run.contacts.touching, *asked})
-        return ContactInstant(
-            self._values, run.state_at(t, y.copy()), chosen, np.array(numbers, dtype=np.intp)
-        )
+        state = run.state_at(t, y.copy())
+        return ContactInstant(self._values, state, chosen, np.array(numbers, dtype=np.intp), is_near)
 
     def sunk(self, here: ContactInstant) -> Flags:
         """Contacts that touch without a push worth mentioning and creep in all the same, (K,): as slowly as something

@@ -17,7 +17,7 @@ from lagcli.compiled.bound_function import BoundFunction, cells
 from lagcli.contact import zero_search
 from lagcli.contact.zero_search import FirstCrossing
 from lagcli.simulation.events.event import IncidentLog, InstantLines
-from lagcli.simulation.events.watch_functions import DIRECTIONS, WatchFunctions
+from lagcli.simulation.events.watch_functions import DIRECTIONS, GapValues, WatchFunctions
 from lagcli.simulation.run_state import run_stop
 from lagcli.simulation.run_state.run_stop import StepFailure
 from lagcli.simulation.run_state.statistics import Incident
@@ -55,6 +55,7 @@ class StepWatch:
         self._floor = None if self._hull is None else cells(self._hull.results[0])
         # Of each of many functions, above 0 where it has no zero in the step that was looked at.
         self._near: Floats | None = None
+        self._of_near: tuple[Indices, GapValues, Floats] | None = None
         # The largest -g at the end of the step that was looked at.
         self.deepest, self._is_screened = 0.0, False
 
@@ -67,6 +68,25 @@ class StepWatch:
         t, h, y, _, _, _, p = self._arguments
         coefficients = self.run.trial.rows.dense.results[0].T
         return BoundFunction(self.functions.inside, [t, h, self._state, y, coefficients, p])
+
+    def _near_inside(self, x: float) -> tuple[Floats, Floats]:
+        if self._of_near is None:
+            indices = self.doubtful()
+            assert self.functions.gaps_inside is not None, "there are many gaps"
+            values = self.functions.gaps_inside.of(self.functions.contacts[indices], self._arguments[-1])
+            self._of_near = indices, values, np.full((2, self.are_gaps.size), np.nan)
+        indices, values, (w, slope) = self._of_near
+        t, h, self._x[0] = self.run.origin + self.run.t, float(self._arguments[1][0]), x
+        self._path.trigger()
+        w[indices], slope[indices] = values(t + x * h, h, *self._path.results)
+        return w, slope
+
+    @cached_property
+    def _path(self) -> BoundFunction:
+        assert self.functions.gaps_inside is not None, "there are many gaps"
+        coefficients = self.run.trial.rows.dense.results[0].T
+        arguments = [self._state, self._arguments[2], coefficients]
+        return BoundFunction(self.functions.gaps_inside.path, arguments)
 
     @cached_property
     def _scratch(self) -> BoundFunction:
@@ -83,7 +103,7 @@ class StepWatch:
     def is_clear(self) -> bool:
         """True if no function has a zero in the step, as far as its ends tell."""
         self._t[0] = self.run.origin + self.run.t
-        self.deepest, self._is_screened, self._near = 0.0, False, None
+        self.deepest, self._is_screened, self._near, self._of_near = 0.0, False, None, None
         if self._hull is not None and self._floor is not None:
             self._hull.trigger()
             if self._floor[0] > 0.0:
@@ -110,7 +130,10 @@ class StepWatch:
         return np.flatnonzero(~(numbers > 0.0))
 
     def inside(self, x: float) -> tuple[Floats, Floats]:
-        """w and dw/dx at the fraction x of the dense output, in memory that the next call overwrites."""
+        """w and dw/dx at the fraction x of the dense output, in memory that the next call overwrites; of many gaps of
+        those alone that are doubtful."""
+        if self._near is not None and self.functions.gaps_inside is not None:
+            return self._near_inside(x)
         self._t[0], self._x[0] = self.run.origin + self.run.t, x
         self._inside.trigger()
         w, slope = self._inside.results

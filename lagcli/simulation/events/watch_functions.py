@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Callable
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
-from lagcli.arrays import Indices
-from lagcli.compiled import NumericSystem
+from lagcli.arrays import Floats, Indices
+from lagcli.compiled import NumericSystem, contact_kinds
+from lagcli.compiled.column_program import ColumnProgram
 from lagcli.contact import zero_bounds, zero_search
 from lagcli.equations.system import System
 from lagcli.simulation.scheme import step_end
@@ -85,6 +87,14 @@ class WatchFunctions:
         slope = ca.if_else(ca.fabs(slope) <= LARGEST, slope, 0)
         outputs = [ca.densify(w), slope]
         return self._written_out(SizedFunction("inside", [t, h, x, y, coefficients, p], outputs))
+
+    @cached_property
+    def gaps_inside(self) -> GapsInside | None:
+        """See `GapsInside`, where the functions are many gaps and no others."""
+        if self.hull is None or len(self._open) <= contact_kinds.PARAMETERS.many:
+            return None
+        found = GapsInside(self._numeric, self._method)
+        return found if found.is_whole else None
 
     @cached_property
     def hull(self) -> Compiled | None:
@@ -165,6 +175,56 @@ class WatchFunctions:
         if self._closed or self._events or self._numeric.gaps.n_instructions() > WRITTEN_OUT:
             return function
         return SizedFunction(function.expand())
+
+
+# (t, h, q, dq/dx) -> gaps and dg/dx, (k,) each.
+GapValues = Callable[[float, float, Floats, Floats], tuple[Floats, Floats]]
+
+
+class GapsInside:
+    """Some of many gaps in a step, by programs of the kinds of contacts; is_whole: there are such programs."""
+
+    def __init__(self, numeric: NumericSystem, method: Method) -> None:
+        self._numeric, self._method = numeric, method
+        self._kinds = numeric.contact_kinds
+        self._programs = [ColumnProgram(function) for function in numeric.moving_gaps]
+        self.is_whole = all(program.is_whole for program in self._programs)
+        count = sum(kind.members.size for kind in self._kinds)
+        # The kind of each contact, and its number among those of the kind.
+        self._kind, self._member = np.zeros((2, count), dtype=np.intp)
+        for number, kind in enumerate(self._kinds):
+            self._kind[kind.members], self._member[kind.members] = number, np.arange(kind.members.size)
+
+    @cached_property
+    def path(self) -> Compiled:
+        """path(x, y, coefficients) -> q and dq/dx (n,) at the fraction x of a step from y."""
+        x, y = step_end.symbols(self._numeric, "x y")
+        coefficients = ca.MX.sym("c", y.numel(), self._method.dense_rows)
+        q = self._method.interpolated(y, coefficients, x)[: self._numeric.n]
+        return SizedFunction("path", [x, y, coefficients], [q, ca.jtimes(q, x, ca.MX(1))])
+
+    def of(self, contacts: Indices, p: Floats) -> GapValues:
+        """The gaps of some contacts, as `WatchFunctions.inside`, in memory that the next call overwrites."""
+        own, t, h = p[: self._numeric.gaps.size1_in(2)].reshape(-1, 1), np.zeros((1, 1)), np.zeros((1, 1))
+        parts = []
+        for number, (kind, program) in enumerate(zip(self._kinds, self._programs, strict=True)):
+            at = np.flatnonzero(self._kind[contacts] == number)
+            if not at.size:
+                continue
+            places = np.ascontiguousarray(kind.coordinates[self._member[contacts[at]]].T)
+            q, rate = np.zeros((2, *places.shape))
+            parts.append((at, places, q, rate, program.bound([t, q, own, h, rate], (0, 1))))
+        g, slope = np.zeros((2, contacts.size))
+
+        def values(when: float, span: float, positions: Floats, rates: Floats) -> tuple[Floats, Floats]:
+            t[:], h[:] = when, span
+            for at, places, q, rate, program in parts:
+                q[:], rate[:] = positions[places], rates[places]
+                g[at], slope[at] = program.run()
+            slope[~(np.abs(slope) <= LARGEST)] = 0.0
+            return g, slope
+
+        return values
 
 
 def _quintic(x: ca.MX, h: ca.MX, begin: tuple[ca.MX, ca.MX], end: tuple[ca.MX, ca.MX]) -> ca.MX:
