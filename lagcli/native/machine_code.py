@@ -20,6 +20,9 @@ from lagcli.native.paying import LIBRARY
 
 # Code is made soonest at the first level; at the last it runs about twice as fast, and takes ten times as long to make.
 SOON, BEST = 0, 1
+# Instructions that round a product and a sum once. LLVM makes none of what is written as two operations, and here could
+# not; where they belong to the processor's first ones it knows no such name.
+FUSED = ("fma", "fma4")
 
 
 def is_installed() -> bool:
@@ -36,9 +39,24 @@ def _llvm() -> Any:
     return llvm
 
 
+@cache
+def _processor() -> dict[str, str]:
+    """The processor at hand, and what it can do; the bits are the same on each. Of a general kind where LLVM does not
+    know it."""
+    llvm = _llvm()
+    try:
+        features = llvm.get_host_cpu_features()
+    except RuntimeError:
+        return {}
+    for fused in FUSED:
+        if fused in features:
+            features[fused] = False
+    return {"cpu": llvm.get_host_cpu_name(), "features": features.flatten()}
+
+
 def _machine(level: int) -> Any:
-    """The processor at hand by its general kind: code made here runs on each of that kind, with the same bits."""
-    return _llvm().Target.from_default_triple().create_target_machine(opt=level, jit=True)
+    target = _llvm().Target.from_default_triple()
+    return target.create_target_machine(opt=level, jit=True, **_processor())
 
 
 @cache
@@ -48,12 +66,14 @@ def _sources() -> bytes:
 
 
 def key(functions: Sequence[ca.Function], text: str) -> tuple[str, int]:
-    """The name of the code of functions, and of further text that calls them, on this kind of machine; and the bytes
+    """The name of the code of functions, and of further text that calls them, on this processor; and the bytes
     of the functions as CasADi writes them."""
     llvm, packed = _llvm(), ca.StringSerializer()
     for function in functions:
         packed.pack(function)
-    versions = f"{llvm.llvm_version_info} {llvm.get_default_triple()} {ca.CasadiMeta.version()}"
+    versions = (
+        f"{llvm.llvm_version_info} {llvm.get_default_triple()} {_processor()} {ca.CasadiMeta.version()}"
+    )
     content = packed.encode().encode()
     return object_folder.key([content, text.encode(), versions.encode(), _sources()]), len(content)
 

@@ -108,6 +108,9 @@ class LoopText:
         self._add_rows(t, reached, taken, sizes)
 
         self._call("watched")
+        body.go_if("oeq", get("is_asked"), ZERO, "seen")
+        self._call("foreseen")
+        body.label("seen")
         body.copy(
             self._at["watch"], body.address(self._at["control"], Control.SEEN), Control.ROW - Control.SEEN
         )

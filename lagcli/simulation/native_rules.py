@@ -128,15 +128,16 @@ def verdict(fewest: int, order: int, has_integrals: bool) -> SizedFunction:
     error = ca.if_else(ca.logic_and(is_hidden, error < HIDDEN), HIDDEN, error)
     is_right = _all(error < 1.0, projected, ca.fabs(everything) < math.inf)
     is_known = _all(ca.fabs(error) < math.inf, error >= 1.0, projected)
-    exponent = -1.0 / order
-    part = ca.fmin(0.9, ca.fmax(LENGTH.shrink, LENGTH.safety * error**exponent))
+    # One power for both: of a step that may be taken no smaller one is asked for.
+    wished = LENGTH.safety * ca.if_else(is_right, ca.fmax(error, 1e-10), error) ** (-1.0 / order)
+    part = ca.fmin(0.9, ca.fmax(LENGTH.shrink, wished))
     smaller = taken * ca.if_else(is_known, part, 0.25)
     is_end = t + smaller / fewest == t
     if fewest == 1:
         is_end = ca.logic_or(is_end, t + smaller >= reached)
     if has_integrals:
         is_end = ca.logic_or(is_end, status[0] < doubles.ROOT)
-    part = ca.fmin(grow, ca.fmax(LENGTH.shrink, LENGTH.safety * ca.fmax(error, 1e-10) ** exponent))
+    part = ca.fmin(grow, ca.fmax(LENGTH.shrink, wished))
     outputs = [is_right, smaller, is_end, taken * part, of_work > step_tolerance.COARSE_WORK]
     return SizedFunction("verdict", [t, taken, reached, status, grow, control], outputs)
 
@@ -144,29 +145,47 @@ def verdict(fewest: int, order: int, has_integrals: bool) -> SizedFunction:
 @memory.remembered()
 @_exactly
 def watched() -> SizedFunction:
-    """watched(t, status, control) -> what is seen and foreseen behind a step, the four and five numbers of
-    `SingularityMonitor.after`."""
+    """watched(t, status, control) -> what is seen behind a step, with nothing foreseen: the four and five numbers of
+    `SingularityMonitor.after`; and 1 where `foreseen` is to be asked, which few steps of few runs are."""
+    inputs, seen, are_asked = _sight()
+    return SizedFunction("watched", inputs, [ca.vertcat(*seen, *NEVER), ca.logic_or(*are_asked)])
+
+
+@memory.remembered()
+@_exactly
+def foreseen() -> SizedFunction:
+    """foreseen(t, status, control) -> the nine numbers of `watched` with what is foreseen."""
+    inputs, seen, are_asked = _sight()
+    (t, _, control), (_, angle, diagonal, largest) = inputs, seen
+    before = [control[Control.SEEN + i] for i in range(4)]
+
+    def instant(component: int, square: ca.SX, most: ca.SX, is_asked: ca.SX) -> list[ca.SX]:
+        now, last = (ca.asin(ca.fmin(1.0, ca.sqrt(s / most))) for s in (square, before[component]))
+        step = t - before[0]
+        found = (t + now * step / (last - now), component, ca.sqrt(most), now, step)
+        return _either(_all(is_asked, last > now), found, NEVER)
+
+    of_angle = instant(SMALLEST_ANGLE, angle, ca.SX(1), are_asked[0])
+    of_diagonal = instant(SMALLEST_DIAGONAL, diagonal, largest, are_asked[1])
+    first = _either(of_diagonal[INSTANT] < of_angle[INSTANT], of_diagonal, of_angle)
+    return SizedFunction("foreseen", inputs, [ca.vertcat(*seen, *first)])
+
+
+def _sight() -> tuple[list[ca.SX], list[ca.SX], list[ca.SX]]:
+    """t, status, control; what is seen behind the step; and where an instant may be foreseen at which the angle, and
+    the diagonal, goes to zero."""
     t, status, control = ca.SX.sym("t"), ca.SX.sym("status", 8), ca.SX.sym("control", SIZE)
     angle, diagonal = status[3 + SMALLEST_ANGLE], status[3 + SMALLEST_DIAGONAL]
     before = [control[Control.SEEN + i] for i in range(4)]
     largest = ca.if_else(before[3] > diagonal, before[3], diagonal)
     is_sound = _all(angle >= 0.0, diagonal >= 0.0, diagonal < math.inf)
-    seen = _either(is_sound, (t, angle, diagonal, largest), before)
     is_later = _all(is_sound, t > before[0])
     wide = math.sin(MONITOR.narrow) ** 2
-
-    def instant(component: int, square: ca.SX, most: ca.SX, is_asked: ca.SX) -> list[ca.SX]:
-        now, last = (ca.asin(ca.fmin(1.0, ca.sqrt(s / most))) for s in (square, before[component]))
-        step = t - before[0]
-        foreseen = (t + now * step / (last - now), component, ca.sqrt(most), now, step)
-        return _either(_all(is_later, is_asked, last > now), foreseen, NEVER)
-
-    is_asked = _all(angle < before[SMALLEST_ANGLE], angle < wide)
-    of_angle = instant(SMALLEST_ANGLE, angle, ca.SX(1), is_asked)
-    is_asked = _all(diagonal < before[SMALLEST_DIAGONAL], diagonal < wide * largest)
-    of_diagonal = instant(SMALLEST_DIAGONAL, diagonal, largest, is_asked)
-    foreseen = _either(of_diagonal[INSTANT] < of_angle[INSTANT], of_diagonal, of_angle)
-    return SizedFunction("watched", [t, status, control], [ca.vertcat(*seen, *foreseen)])
+    are_asked = [
+        _all(is_later, angle < before[SMALLEST_ANGLE], angle < wide),
+        _all(is_later, diagonal < before[SMALLEST_DIAGONAL], diagonal < wide * largest),
+    ]
+    return [t, status, control], _either(is_sound, (t, angle, diagonal, largest), before), are_asked
 
 
 def pushes(width: int, multipliers: Sequence[int]) -> SizedFunction:

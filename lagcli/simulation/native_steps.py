@@ -66,6 +66,7 @@ class NativeFunctions:
             "plan": native_rules.plan(),
             "verdict": native_rules.verdict(run.trial.fewest, method.order, bound.enforced.is_any),
             "watched": native_rules.watched(),
+            "foreseen": native_rules.foreseen(),
         }
         functions |= {f"clear{i}": each for i, each in enumerate(clear)}
         if multipliers:
@@ -81,7 +82,8 @@ class NativeFunctions:
                 *("t", "h", "reached", "status", "grow", "control"),
                 *("is_right", "smaller", "is_end", "grown", "is_coarse"),
             ),
-            "watched": ("reached", "status", "control", "watch"),
+            "watched": ("reached", "status", "control", "watch", "is_asked"),
+            "foreseen": ("reached", "status", "control", "watch"),
             "pushes": ("line", "least_push"),
         }
         for i in range(len(clear)):

@@ -111,6 +111,15 @@ def test_sums_are_neither_reordered_nor_contracted(level):
     require_same_bits(function, numbers, level)
 
 
+def test_a_product_and_a_sum_are_rounded_one_by_one_in_columns_too():
+    x, y, z = (ca.MX.sym(name, 9) for name in "xyz")
+    function = ca.Function("f", [x, y, z], [x * y + z, x * y - z, z - x * y])
+    numbers = [np.random.default_rng(seed).normal(size=(3, 9)) for seed in range(20)]
+    # The sum is what rounding leaves of the product.
+    inputs = [(a, b, -a * b) for a, b, _ in numbers] + [tuple(each) for each in numbers]
+    require_same_bits(function, inputs, BEST)
+
+
 def test_graphs_of_columns_matrices_and_calls_have_the_bits_of_the_interpreter():
     a, b = ca.SX.sym("a", 3), ca.SX.sym("b", 2)
     inner = ca.Function("inner", [a, b], [ca.vertcat(a[0] * b, a[1:]), ca.sum1(a)])
