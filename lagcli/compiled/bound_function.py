@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -36,9 +37,7 @@ class BoundFunction:
         assert isinstance(function, SizedFunction), function
         if not is_sparse:
             function = function.with_full_results
-        # Of the arrays that a buffer reads and writes CasADi's own types know the addresses only.
-        self._buffer, self.trigger = cast("tuple[Any, Callable[[], None]]", function.buffer())
-        self.function, self.arguments = function, tuple(arguments)  # the buffer keeps none of them alive
+        self.function, self.arguments = function, tuple(arguments)
         self.used = 0  # for those who count their calls
         self.results: list[Floats] = []
         taken, made = function.layout
@@ -47,14 +46,24 @@ class BoundFunction:
         for i, array in enumerate(arguments):
             assert array.dtype == np.float64, (function.name(), i)
             assert array.size == taken[i], (function.name(), i)
-            self._buffer.set_arg(i, array.data)
         for i, (shape, entries) in enumerate(made[:wanted]):
             if is_sparse:  # a buffer holds the entries of the pattern only
                 shape = (entries, 1)
             array = given[i] if i < len(given) else np.zeros(shape if shape[1] > 1 else shape[0], order="F")
             assert array.size == shape[0] * shape[1], (function.name(), i)
-            self._buffer.set_res(i, (array.T if array.ndim > 1 else array).data)
             self.results.append(array)
+
+    @cached_property
+    def trigger(self) -> Callable[[], None]:
+        """Make the results of the arguments as they are now; whoever has another way to make them may set it."""
+        # Of the arrays that a buffer reads and writes CasADi's own types know the addresses only.
+        buffer, trigger = cast("tuple[Any, Callable[[], None]]", self.function.buffer())
+        for i, array in enumerate(self.arguments):
+            buffer.set_arg(i, array.data)
+        for i, array in enumerate(self.results):
+            buffer.set_res(i, (array.T if array.ndim > 1 else array).data)
+        self._buffer = buffer  # which lives as long
+        return trigger
 
 
 def cells(array: Floats) -> memoryview[float]:
