@@ -200,7 +200,7 @@ class _Linearizing:
 
     def about_nearest(self, note: str) -> Modes:
         """The modes about the point of rest that the start leads to. Raises `NoEquilibriumError`."""
-        from lagcli.statics.refine import NoEquilibrium
+        from lagcli.statics.rest_equations import NoEquilibrium
 
         system, point = self.ready.system, self._rest.nearest()
         if isinstance(point, NoEquilibrium):

@@ -31,14 +31,12 @@ from lagcli.statics import (
     point_search,
     refine,
     rest_equations,
-    singular_rows,
     static_problem,
     static_report,
 )
 from lagcli.statics.continuum import FoundPoint
 from lagcli.statics.point_search import PointSearch, SearchOptions
-from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
-from lagcli.statics.rest_equations import RestEquations
+from lagcli.statics.rest_equations import EquilibriumPoint, NoEquilibrium, RestEquations
 from lagcli.statics.static_problem import EnforcedLevel, StaticLaws, StaticProblem
 from lagcli.statics.static_report import Origin, PointColumns, StaticPoint, StaticReport, Value
 
@@ -156,7 +154,7 @@ class RestPoints:
         x = equations.begun(q)
         if x is None:
             return None
-        found = refine.settled(equations, x)
+        found = equations.settled(x)
         return next(self._typed([found], self._origin != "none"), None)
 
     def _typed(
@@ -165,8 +163,8 @@ class RestPoints:
         asked = self._asked
         for one in found:
             if isinstance(one, EquilibriumPoint):
-                scales = rest_equations.scales(asked, asked.begin)
-                point = point_search.typed_point(asked, one, scales, has_potential)
+                free = RestEquations(asked, (), rest_equations.scales(asked, asked.begin))
+                point = point_search.typed_point(free, one, has_potential)
                 if point is not None:
                     yield point
 
@@ -256,8 +254,7 @@ class _Question:
     def answered(self, notes: Sequence[str], starts: int, seed: int) -> StaticReport:
         """The points that are found, by the columns of the model, with more notes after these."""
         problem, called, names = self._problem, self._called, self._system.model.coordinate_names
-        angles = static_problem.angles(problem)
-        repeating = static_problem.repeating(problem, self._system.r)
+        angles, repeating = static_problem.angles(problem, self._system.r)
         options = SearchOptions(self._source != "none", self._is_rest, angles, seed, repeating)
         search = PointSearch(problem, options)
         search.run(0)
@@ -275,7 +272,7 @@ class _Question:
             )
         if whole.told:
             told.append(whole.told)
-        told += [*singular_rows.notes(search, names, called), *kinks]
+        told += [*kink_points.singular_notes(search, names, called), *kinks]
         points.sort(key=lambda point: (point.value is None, point.value or 0.0, tuple(point.at.values())))
         best = search.best.residual if not points else None
         distinct = tuple(dict.fromkeys(told))
@@ -329,7 +326,8 @@ class _Question:
             shared, unique = static_report.pushing_multipliers(rows, given, M, len(B))
         else:
             unique = found.type.unique
-            shared = rank.multipliers(rows, -values.F, static_report.row_lengths(rows, M))
+            lengths = np.linalg.norm(static_report.in_metric(rows, M), axis=1)
+            shared = rank.multipliers(rows, -values.F, lengths)
         lam[self._rows] = shared[: len(B)]
         lam[[count + k for k in closed]] = shared[len(B) :]
         return lam, unique

@@ -25,7 +25,6 @@ KINDS = ("r", "v", "lambda", "R", "energy", "outputs", "events")
 # Of the two principles the forces of constraint can be compared as a whole, and multipliers not: those of differential
 # rows are not there, and those of holonomic ones share the force with them.
 COMPARED = ("r", "v", "R", "energy", "outputs")
-LABELS = {"lambda": "λ"}
 
 TITLES = {
     "newton": "Newton with multipliers (D.24)",
@@ -380,26 +379,14 @@ def matched(one: Sequence[RunEvent], other: Sequence[RunEvent], end: float, span
     return Matched(t, tuple(labels), min(alone, key=lambda event: event.t, default=None))
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class ComparisonLines:
-    """The table of the formulations with its headers, and sentences, each of which may be nothing: how to read the
-    table, how the two principles compare, and where formulations differ more than they may."""
-
-    headers: list[str]
-    rows: list[list[str]]
-    agreement: str
-    principles: str
-    disagreement: str
-    is_stopped: bool
-
-
-def lines(found: Comparison) -> ComparisonLines:
-    """The words of a comparison."""
+def lines(found: Comparison) -> tuple[list[str], list[list[str]], str, str]:
+    """The table of the formulations, its headers first, and two sentences, each of which may be nothing: how to read
+    the table, and where formulations differ more than they may."""
     first = found.formulations[0]
     several = len({one.path for one in found.formulations}) > 1
     shown = [kind for kind in KINDS if any(kind in each for each in found.agreements)]
     headers = [*(["model"] if several else []), "formulation", "dof", "rows", "steps", "seconds"]
-    headers += [LABELS.get(kind, kind) for kind in shown]
+    headers += ["λ" if kind == "lambda" else kind for kind in shown]
     rows = []
     for one, agreement in zip(found.formulations, ({}, *found.agreements), strict=True):
         cells = [one.path] if several else []
@@ -420,5 +407,4 @@ def lines(found: Comparison) -> ComparisonLines:
             f"{sides[0]} and {sides[1]} disagree: `{worst.column}` by {worst.error:.3g} of the largest value of its"
             f" kind at t = {worst.t:.9g}, where {found.tolerance:g} passes"
         )
-    principles = "" if found.principles is None else found.principles.sentence
-    return ComparisonLines(headers, rows, reading, principles, disagreement, found.stopped)
+    return headers, rows, reading, disagreement

@@ -33,6 +33,7 @@ from lagcli.linear import decompositions, rank
 from lagcli.model.settings import Simulation
 from lagcli.simulation.run_state.between_steps import Turns
 from lagcli.simulation.scheme import controller, step_tolerance
+from lagcli.simulation.scheme.controller import StepController
 from lagcli.simulation.stepping.grid import Grid
 from lagcli.simulation.stepping.timetable import Timetable
 from lagcli.smoothness import time_functions
@@ -55,17 +56,8 @@ class ChartError(Exception):
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class DensePoint:
-    """The values that depend on t and q: f (s,), B (C, n) and b (C,); the arrays are the caller's own."""
-
-    f: Floats
-    B: Floats
-    b: Floats
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class DenseForces:
-    """The values that depend on the velocities too: M (n, n), h (n,), gamma (C,)."""
+    """The values that depend on the velocities too: M (n, n), h (n,), gamma (C,); the arrays are the caller's own."""
 
     M: Floats
     h: Floats
@@ -102,12 +94,12 @@ class DenseFunctions:
         """Angles with a cut are counted on from where they are at t, q (n,), a state of the motion."""
         self._turns.settle(t, q, self._last)
 
-    def point(self, t: float, q: Floats) -> DensePoint:
-        """The rows at t, q (n,)."""
+    def point(self, t: float, q: Floats) -> tuple[Floats, Floats, Floats]:
+        """f (s,), B (C, n) and b (C,) at t, q (n,); the arrays are the caller's own."""
         self._t[0], self._q[:] = t, q
         self._point.trigger()
         f, B, b = self._point.results
-        return DensePoint(f.copy(), B.reshape(self.rows, self.n).copy(), b.copy())
+        return f.copy(), B.reshape(self.rows, self.n).copy(), b.copy()
 
     def forces(self, t: float, q: Floats, v: Floats) -> DenseForces:
         """Inertia, forces and bias at t, q, v (n,)."""
@@ -141,18 +133,17 @@ class Chart:
 
     def __init__(self, functions: DenseFunctions, t: float, q: Floats, v: Floats) -> None:
         self._functions, self._q_ref = functions, q
-        here = functions.point(t, q)
-        M = functions.forces(t, q, v).M
+        _, B, _ = functions.point(t, q)
         try:
-            lower: Floats = np.asarray(np.linalg.cholesky(M))
+            lower: Floats = np.asarray(np.linalg.cholesky(functions.forces(t, q, v).M))
         except np.linalg.LinAlgError:
             raise ChartError("the inertia is not positive definite") from None
         self._lower = lower
         s = functions.holonomic
-        self._mix, self._G = _split(here.B, lower)
-        self._mix_h, self._G_h = _split(here.B[:s], lower)
+        self._mix, self._G = _split(B, lower)
+        self._mix_h, self._G_h = _split(B[:s], lower)
         self.guess = q  # where the search for a configuration begins
-        self._inverse_h = _inverse(np.vstack([self._mix_h @ here.B[:s], self._G_h]))
+        self._inverse_h = _inverse(np.vstack([self._mix_h @ B[:s], self._G_h]))
         self._size = float(np.abs(q).max(initial=0.0)) or 1.0
         self.freedoms, self.rank = len(self._G), len(self._mix)
         self.y = np.concatenate([np.zeros(len(self._G_h)), self._G @ v])
@@ -162,10 +153,11 @@ class Chart:
     def at(self, t: float, y: Floats) -> ReducedMotion:
         """The motion at y (n - s + n - rank,). Raises `ChartError`."""
         d = len(self._G_h)
-        q, here = self._position(t, y[:d])
         functions, r = self._functions, self.rank
-        inverse = _inverse(np.vstack([self._mix @ here.B, self._G]))
-        v = inverse @ np.concatenate([-self._mix @ here.b, y[d:]])
+        q = self._position(t, y[:d])
+        _, B, b = functions.point(t, q)
+        inverse = _inverse(np.vstack([self._mix @ B, self._G]))
+        v = inverse @ np.concatenate([-self._mix @ b, y[d:]])
         forces = functions.forces(t, q, v)
         if functions.holonomic == functions.rows:
             self._inverse_h = inverse
@@ -186,7 +178,7 @@ class Chart:
         functions, s = self._functions, self._functions.holonomic
         if s == functions.rows:
             return motion.turned
-        rows = self._mix_h @ functions.point(t, motion.q).B[:s]
+        rows = self._mix_h @ functions.point(t, motion.q)[1][:s]
         try:
             N_h = _inverse(np.vstack([rows, self._G_h]))[:, len(rows) :]
         except ChartError:
@@ -197,32 +189,28 @@ class Chart:
         """The size of a basis (n, d) that has size 1 at the reference."""
         return float(np.linalg.norm(self._lower.T @ N) / np.sqrt(max(1, N.shape[1])))
 
-    def _position(self, t: float, xi: Floats) -> tuple[Floats, DensePoint]:
-        """The configuration on f = 0 with these xi, and the rows there: by Newton's method from the last one, with the
-        derivatives of an earlier point as long as they serve."""
-        functions, s, q = self._functions, self._functions.holonomic, self.guess
-
-        def part(step: Floats) -> float:
-            """The largest entry of a step as a part of the size of the configuration."""
-            return float(np.abs(step).max(initial=0.0)) / self._size
-
+    def _position(self, t: float, xi: Floats) -> Floats:
+        """The configuration on f = 0 with these xi: by Newton's method from the last one, with the derivatives of an
+        earlier point as long as they serve."""
+        q: Floats = self.guess
         before = np.inf
         for _ in range(ITERATIONS):
-            here = functions.point(t, q)
-            residual = np.concatenate([self._mix_h @ here.f, self._G_h @ (q - self._q_ref) - xi])
+            f, B, _ = self._functions.point(t, q)
+            residual = np.concatenate([self._mix_h @ f, self._G_h @ (q - self._q_ref) - xi])
             step = self._inverse_h @ residual
-            moved = part(step)
+            # Its largest entry as a part of the size of the configuration
+            moved = float(np.abs(step).max(initial=0.0)) / self._size
             if moved > SLOW * before and moved > doubles.VALUE:
-                self._inverse_h = _inverse(np.vstack([self._mix_h @ here.B[:s], self._G_h]))
+                self._inverse_h = _inverse(np.vstack([self._mix_h @ B[: len(f)], self._G_h]))
                 step = self._inverse_h @ residual
-                moved = part(step)
+                moved = float(np.abs(step).max(initial=0.0)) / self._size
             if not np.isfinite(moved):
                 break
             q = q - step
             if moved <= ARRIVED or (before / 2 <= moved <= doubles.VALUE):
                 # There, or rounding: small steps that do not halve
                 self.guess = q
-                return q, functions.point(t, q)
+                return q
             before = moved
         self.guess = self._q_ref
         raise ChartError("no configuration with these independent coordinates is near")
@@ -259,11 +247,9 @@ class ReducedStop(Exception):
 
 @dataclasses.dataclass
 class ReducedStatistics:
-    """Accepted steps, those rejected, charts, and seconds."""
+    """Accepted steps, and seconds."""
 
     steps: int = 0
-    rejected: int = 0
-    charts: int = 0
     seconds: float = 0.0
 
 
@@ -291,7 +277,7 @@ def run(
             R, lam = forces.times(motion.a) - forces.h, np.zeros(0)
             if functions.rows:
                 lower = np.linalg.cholesky(forces.M)
-                white = np.linalg.solve(lower, functions.point(t, motion.q).B.T).T
+                white = np.linalg.solve(lower, functions.point(t, motion.q)[1].T).T
                 lam = rank.multipliers(white, np.linalg.solve(lower, R), decompositions.lengths(white))
             row = functions.row(t, (motion.q, motion.v, motion.a), lam)
             row[columns] = R
@@ -312,7 +298,7 @@ def _rows(
     """The motion at each time of the grid, from q and v at its start. Raises `ReducedStop`."""
     began = time.perf_counter()
     t = grid.start
-    chart, y, motion = _in_chart(functions, t, begin, statistics)
+    chart, y, motion = _in_chart(functions, t, begin)
     functions.settle(t, motion.q)
     tolerance = step_tolerance.of_steps(settings)
     # The first step: a hundredth of the time in which the velocities would move the configuration by its size
@@ -322,14 +308,14 @@ def _rows(
     h = float(min(scale / 100, (grid.end - grid.start) or 1.0))
     timetable = Timetable(functions.timed, t, grid.step, settings.max_step or np.inf)
     statistics.seconds += time.perf_counter() - began
-    pace_from = t
+    control = StepController(dop853_tableau.ORDER, h, t)
     yield t, motion
     for i in range(1, grid.count):
         began = time.perf_counter()
         goal = grid.time(i)
         while t < goal:
             if chart.turned(t, motion) > TURNED:
-                chart, y, motion = _in_chart(functions, t, (motion.q, motion.v), statistics)
+                chart, y, motion = _in_chart(functions, t, (motion.q, motion.v))
             switch = timetable.switch(t)
             if switch is not None:
                 t = min(switch[1], goal)
@@ -338,14 +324,13 @@ def _rows(
                 except ChartError as ended:
                     raise ReducedStop(t, str(ended)) from None
                 continue
-            taken = min(timetable.shortened(t, h), goal - t)
+            taken = min(timetable.shortened(t, control.step), goal - t)
             last = taken == goal - t or goal - t - taken < 1e-12 * taken
             taken = goal - t if last else taken
             error, found = _step(chart, t, taken, (y, motion), tolerance)
             if found is None or not error < 1.0:
-                statistics.rejected += 1
-                h = taken * (_change(error) if error < np.inf else 0.25)
-                if t + h / 64 == t:
+                control.step = control.smaller(taken, error, error < np.inf)
+                if t + control.step / 64 == t:
                     raise ReducedStop(
                         t, "the steps become too small: the rows are dependent, or the forces too steep"
                     )
@@ -354,35 +339,28 @@ def _rows(
             y, motion = found
             t = goal if last else t + taken
             if statistics.steps % controller.PARAMETERS.pace == 0:
-                pace_from, advanced = t, t - pace_from
-                if controller.is_hopeless(advanced, grid.end - t, grid.step):
+                advanced = control.is_too_slow(t, grid.end, grid.step)
+                if advanced is not None:
                     raise ReducedStop(
                         t,
                         f"the last {controller.PARAMETERS.pace} steps advanced by {advanced:.2g}: the run is too long",
                     )
             functions.settle(t, motion.q)
-            grown = taken * min(GROW, _change(max(error, 1e-10)))
-            h = max(h, grown) if taken < h else grown
+            grown = control.grown(taken, error, GROW)
+            control.step = max(control.step, grown) if taken < control.step else grown
         statistics.seconds += time.perf_counter() - began
         yield t, motion
 
 
 def _in_chart(
-    functions: DenseFunctions, t: float, state: tuple[Floats, Floats], statistics: ReducedStatistics
+    functions: DenseFunctions, t: float, state: tuple[Floats, Floats]
 ) -> tuple[Chart, Floats, ReducedMotion]:
     """The motion at q and v in a chart around them."""
-    statistics.charts += 1
     try:
         chart = Chart(functions, t, *state)
         return chart, chart.y, chart.at(t, chart.y)
     except ChartError as ended:
         raise ReducedStop(t, str(ended)) from None
-
-
-def _change(error: float) -> float:
-    """The part of a step that its error asks for the next one to be."""
-    asked: float = controller.PARAMETERS.safety * error ** (-1 / dop853_tableau.ORDER)
-    return max(controller.PARAMETERS.shrink, asked)
 
 
 def _step(

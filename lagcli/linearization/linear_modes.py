@@ -19,7 +19,6 @@ from lagcli.errors import diagnostics
 from lagcli.linear import decompositions
 from lagcli.linearization import floquet, lowest, spectrum
 from lagcli.linearization.linearized import LinearizedFunctions, Reference
-from lagcli.linearization.lowest import Lowest
 from lagcli.linearization.reference import Steady
 from lagcli.linearization.spectrum import Spectrum
 from lagcli.model.model import Units
@@ -122,68 +121,73 @@ def modes(
 
     Raises `diagnostics.ModelError`, `lowest.NotFoundError`.
     """
+    model = functions.system.model
     if found.here.q.size > DENSE:
-        return _of_lowest(functions, found, wanted, notes)
-    try:
-        free = spectrum.freedoms(found.linear, functions.stiffness_terms(found.here, found.linear))
-    except spectrum.NoFreedomsError as error:
-        row = functions.system.rows.rows[-1]
-        raise diagnostics.ModelError(
-            [diagnostics.Diagnostic("singular-constraints", str(error), row.location)]
-        ) from None
-    every = spectrum.compute(free)
-    values = every.values
-    # Angular frequencies, one for each freedom of positions; none where some eigenvalue has a real part
-    swinging = np.sort(values.imag[values.imag > 0])
-    still = np.zeros(max(0, every.freedoms - swinging.size))
-    # All eigenvalues, zeros first, then by imaginary and real parts, conjugates side by side
-    ordered = np.concatenate([np.zeros(every.zeros, dtype=complex), values[_order(values)]])
-    model, judged = functions.system.model, _verdict(functions, found, every, is_minimum)
+        frequencies, eigenvalues, shapes, verdict, count, note = _of_lowest(functions, found, wanted)
+        notes = (*notes, note)
+    else:
+        try:
+            free = spectrum.freedoms(found.linear, functions.stiffness_terms(found.here, found.linear))
+        except spectrum.NoFreedomsError as error:
+            row = functions.system.rows.rows[-1]
+            raise diagnostics.ModelError(
+                [diagnostics.Diagnostic("singular-constraints", str(error), row.location)]
+            ) from None
+        every = spectrum.compute(free)
+        values, shapes, verdict = every.values, _shapes(every), _verdict(functions, found, every, is_minimum)
+        # Angular frequencies, one for each freedom of positions; none where some eigenvalue has a real part
+        swinging = np.sort(values.imag[values.imag > 0])
+        still = np.zeros(max(0, every.freedoms - swinging.size))
+        frequencies = None if values.real.any() else np.concatenate([still, swinging])
+        # All eigenvalues, zeros first, then by imaginary and real parts, conjugates side by side
+        eigenvalues = np.concatenate([np.zeros(every.zeros, dtype=complex), values[_order(values)]])
+        count = eigenvalues.size
     return Modes(
         "equilibrium" if found.kind == "equilibrium" else "steady",
-        state_columns(functions.system, found.here),
+        _state_columns(functions.system, found.here),
         model.coordinate_names,
-        None if values.real.any() else np.concatenate([still, swinging]),
-        ordered,
-        _shapes(every),
-        *judged,
-        ordered.size,
+        frequencies,
+        eigenvalues,
+        shapes,
+        *verdict,
+        count,
         notes=notes,
         title=model.title,
         units=model.units,
     )
 
 
-def _of_lowest(functions: LinearizedFunctions, found: Steady, wanted: int, notes: tuple[str, ...]) -> Modes:
-    """The lowest modes of a large model."""
-    some = lowest.modes(found.linear, wanted)
-    is_swinging = not some.values.real.any()
+def _of_lowest(
+    functions: LinearizedFunctions, motion: Steady, wanted: int
+) -> tuple[Floats | None, Complex, Complex, StabilityVerdict, int, str]:
+    """The lowest modes of a large model: frequencies, eigenvalues, shapes, the verdict with the largest real part of
+    these, how many eigenvalues there are, and a note."""
+    found = lowest.modes(motion.linear, wanted)
+    is_swinging = not found.values.real.any()
     both, rows = list[complex](), list[Complex]()
-    for s, shape in zip(some.values, some.shapes.T, strict=True):
+    for s, shape in zip(found.values, found.shapes.T, strict=True):
         row = _normalized(shape)
         if s.imag:
             own, pair = [s, s.conjugate()], [row, row.conj()]
         else:
-            own, pair = ([s, -s], [row, row]) if some.has_all_growing else ([s], [row])
+            own, pair = ([s, -s], [row, row]) if found.has_all_growing else ([s], [row])
         both += own
         rows += pair[:1] if is_swinging else pair
-    note = f"the lowest {some.values.size} modes of a model with {some.count} eigenvalues"
-    if some.has_all_growing and not some.is_complete:
+    note = f"the lowest {found.values.size} modes of a model with {found.count} eigenvalues"
+    if found.has_all_growing and not found.is_complete:
         note += "; some occur more often than they are given"
-    model, judged = functions.system.model, _verdict_of_lowest(functions, found, some)
-    return Modes(
-        "equilibrium" if found.kind == "equilibrium" else "steady",
-        state_columns(functions.system, found.here),
-        model.coordinate_names,
-        np.abs(some.values.imag) if is_swinging else None,
-        np.array(both, dtype=complex),
-        np.array(rows),
-        *judged,
-        some.count,
-        notes=(*notes, note),
-        title=model.title,
-        units=model.units,
-    )
+    growth = float(found.values.real.max()) if found.values.size else 0.0
+    if growth > 0:
+        verdict = StabilityVerdict(False, growth, GROWING.format(growth))
+    elif motion.kind == "equilibrium" and found.is_definite and functions.keeps_energy(motion.here):
+        verdict = StabilityVerdict(True, 0.0, MINIMUM)
+    elif found.has_all_growing:
+        reason = "no eigenvalue is to the right of the imaginary axis: terms left out decide"
+        verdict = StabilityVerdict(None, 0.0, reason)
+    else:
+        verdict = StabilityVerdict(None, growth, "only the lowest eigenvalues were looked at")
+    frequencies = np.abs(found.values.imag) if is_swinging else None
+    return frequencies, np.array(both, dtype=complex), np.array(rows), verdict, found.count, note
 
 
 def of_cycle(orbit: floquet.FollowedMotion, T: float, notes: tuple[str, ...]) -> Modes:
@@ -192,7 +196,7 @@ def of_cycle(orbit: floquet.FollowedMotion, T: float, notes: tuple[str, ...]) ->
     model, judged = orbit.functions.system.model, of_multipliers(multipliers, T, not orbit.numeric.has_time)
     return Modes(
         "periodic",
-        state_columns(orbit.functions.system, orbit.here),
+        _state_columns(orbit.functions.system, orbit.here),
         model.coordinate_names,
         None,
         (np.log(multipliers) / T).astype(complex),
@@ -207,7 +211,7 @@ def of_cycle(orbit: floquet.FollowedMotion, T: float, notes: tuple[str, ...]) ->
     )
 
 
-def state_columns(built: System, here: Reference) -> dict[str, float]:
+def _state_columns(built: System, here: Reference) -> dict[str, float]:
     """The coordinates of a state by their columns, and velocities where some are not zero."""
     names = built.model.coordinate_names
     generalized = set(built.model.generalized_names)
@@ -306,19 +310,6 @@ def _verdict(
     else:
         reason = "some eigenvalues are imaginary and none is to the right: terms left out decide"
     return StabilityVerdict(None, 0.0, reason)
-
-
-def _verdict_of_lowest(functions: LinearizedFunctions, motion: Steady, found: Lowest) -> StabilityVerdict:
-    """The verdict where only the lowest eigenvalues are known; growth: the largest real part of these."""
-    growth = float(found.values.real.max()) if found.values.size else 0.0
-    if growth > 0:
-        return StabilityVerdict(False, growth, GROWING.format(growth))
-    if motion.kind == "equilibrium" and found.is_definite and functions.keeps_energy(motion.here):
-        return StabilityVerdict(True, 0.0, MINIMUM)
-    if found.has_all_growing:
-        reason = "no eigenvalue is to the right of the imaginary axis: terms left out decide"
-        return StabilityVerdict(None, 0.0, reason)
-    return StabilityVerdict(None, growth, "only the lowest eigenvalues were looked at")
 
 
 def of_multipliers(multipliers: Complex, T: float, is_autonomous: bool) -> StabilityVerdict:

@@ -25,18 +25,17 @@ Element = tuple[Whole, int]  # coefficients in the basis of an algebra, and thei
 
 
 class AlgebraicZero:
-    """One real zero: the zeros of its blocks together."""
+    """One real zero: a root of each block of unknowns."""
 
-    def __init__(self, parts: Sequence[_BlockZero]) -> None:
-        self._parts = parts
-        self._owner = {k: (part, i) for part in parts for i, k in enumerate(part.block.indices)}
+    def __init__(self, parts: Sequence[tuple[_ZeroBlock, RealRoot]]) -> None:
+        self._owner = {k: (*part, i) for part in parts for i, k in enumerate(part[0].indices)}
 
     def value(self, unknown: int) -> float:
         """The nearest double."""
         if unknown not in self._owner:
             return 0.0
-        part, i = self._owner[unknown]
-        low, high = part.enclosure(i, 60)  # seven binary digits more than a double has
+        block, root, i = self._owner[unknown]
+        low, high = block.enclosure(root, i, 60)  # seven binary digits more than a double has
         try:
             return float((low + high) / 2)
         except OverflowError:
@@ -46,10 +45,10 @@ class AlgebraicZero:
         """The sign of a polynomial, exactly; squares: of roots that it may hold besides, by their numbers. Raises
         `NotCounted` where it is not decided."""
         indices = _indices(polynomial)
-        parts = {id(part): part for part, _ in (self._owner[k] for k in indices if k in self._owner)}
+        parts = {self._owner[k][:2] for k in indices if k in self._owner}
         if len(parts) == 1 and indices <= self._owner.keys():
-            (part,) = parts.values()
-            return part.sign(polynomial)
+            ((block, root),) = parts
+            return block.sign(root, polynomial)
         for digits in (64, 256, 1024):
             low, high = self._bounds(polynomial, squares, digits)
             if low > 0 or high < 0 or low == high:
@@ -58,8 +57,8 @@ class AlgebraicZero:
 
     def _enclosed(self, unknown: int, squares: Mapping[int, RootUnknown], digits: int) -> Enclosure:
         if unknown in self._owner:
-            part, i = self._owner[unknown]
-            return part.enclosure(i, digits)
+            block, root, i = self._owner[unknown]
+            return block.enclosure(root, i, digits)
         square = squares[unknown].square
         above, below = (self._bounds(part, squares, digits) for part in (square.above, square.below))
         if below[0] <= 0 <= below[1]:
@@ -92,7 +91,7 @@ def zeros(
 ) -> list[AlgebraicZero]:
     """All real zeros of equations in the `used` unknowns at which no denominator vanishes. Raises `NotCounted`, and
     `SpentError` of the order of the ring."""
-    found: list[tuple[_BlockZero, ...]] = [()]
+    found: list[tuple[tuple[_ZeroBlock, RealRoot], ...]] = [()]
     for indices, polynomials in _blocks(equations, used, denominators):
         if not indices:
             return []  # a constant is no zero
@@ -103,8 +102,7 @@ def zeros(
             if not own:
                 raise
             block = _ZeroBlock(ring, polynomials, indices, own)
-        every = [_BlockZero(block, root) for root in block.roots]
-        part = [zero for zero in every if all(zero.sign(d) for d in own)]
+        part = [(block, root) for root in block.roots if all(block.sign(root, d) for d in own)]
         if len(found) * len(part) > 4096:  # as many points of rest nobody reads
             raise NotCounted("there are too many of them")
         found = [(*before, one) for before in found for one in part]
@@ -141,7 +139,8 @@ class Infinite(NotCounted):
 
 
 class _ZeroBlock:
-    """The zeros of the equations of some unknowns, saturated by denominators if there are any."""
+    """The zeros of the equations of some unknowns, saturated by denominators if there are any: with the algebra of the
+    functions on them, a basis of monomials and the matrices of multiplication by the unknowns."""
 
     def __init__(
         self,
@@ -151,77 +150,32 @@ class _ZeroBlock:
         denominators: Sequence[PolyElement] = (),
     ) -> None:
         self.indices = indices
+        self._known: dict[tuple[RealRoot, int, int], Enclosure] = {}
         names = [str(ring.symbols[k]) for k in indices] + [f"u{k}" for k in range(len(denominators))]
-        self._ring = PolyRing(names, ring.domain, ring.order)
-        inverses = self._ring.gens[len(indices) :]
-        own = [self.taken(e) for e in equations]
-        own += [self.taken(d) * u - 1 for d, u in zip(denominators, inverses, strict=True)]
-        basis = groebner(own, self._ring)
+        self._ring = ring = PolyRing(names, ring.domain, ring.order)
+        own = [self._taken(e) for e in equations]
+        inverses = ring.gens[len(indices) :]
+        own += [self._taken(d) * u - 1 for d, u in zip(denominators, inverses, strict=True)]
+        self._ideal = groebner(own, ring)
         self.roots: list[RealRoot] = []
-        if any(e.is_ground for e in basis):
+        if any(e.is_ground for e in self._ideal):
             return
-        self._algebra = _QuotientAlgebra(self._ring, basis)
-        self._representation = Representation(self._algebra.generators, self._algebra.traces)
-        self.one = self._representation.one  # g_1
-        self.roots = self._representation.roots()
-        # g and a factor of each unknown: x_k is g/(factor g_1)
-        own_rows = self._algebra.generators[: len(indices)]
-        self.unknowns = [(self._representation.of(rows[0]), below) for rows, below in own_rows]
-
-    def taken(self, polynomial: PolyElement) -> PolyElement:
-        """A polynomial over the unknowns of this block."""
-        more = (0,) * (len(self._ring.gens) - len(self.indices))
-        terms = {(*(m[k] for k in self.indices), *more): factor for m, factor in polynomial.terms()}
-        return self._ring.from_dict(terms)
-
-    def function(self, polynomial: PolyElement) -> Whole:
-        """g: the polynomial is g/(factor g_1) at each zero, with a factor that is positive."""
-        coefficients, _ = self._algebra.reduced(self.taken(polynomial))
-        return self._representation.of(coefficients)
-
-
-class _BlockZero:
-    """One zero of a block."""
-
-    def __init__(self, block: _ZeroBlock, root: RealRoot) -> None:
-        self.block, self._root = block, root
-        self._known: dict[tuple[int, int], Enclosure] = {}
-
-    def enclosure(self, index: int, digits: int) -> Enclosure:
-        """Bounds of an unknown of the block. Raises `NotCounted`."""
-        if (index, digits) not in self._known:
-            g, factor = self.block.unknowns[index]
-            self._known[index, digits] = self._root.enclosure(g, factor, digits)
-        return self._known[index, digits]
-
-    def sign(self, polynomial: PolyElement) -> int:
-        """The sign of a polynomial in the unknowns of the block. Raises `NotCounted`."""
-        return self._root.sign(self.block.function(polynomial)) * self._root.sign(self.block.one)
-
-
-class _QuotientAlgebra:
-    """The functions on the zeros: a basis of monomials, and the matrices of multiplication by the unknowns."""
-
-    def __init__(self, ring: PolyRing, basis: Sequence[PolyElement]) -> None:
-        self._ring, self._ideal = ring, list(basis)
-        leading = [e.LM for e in basis]
-        self.monomials = _standard(leading, len(ring.gens))
-        self._index = {monomial: k for k, monomial in enumerate(self.monomials)}
-        self.D = len(self.monomials)
+        monomials = _standard([e.LM for e in self._ideal], len(ring.gens))
+        self._index = {monomial: k for k, monomial in enumerate(monomials)}
         # Rows: x_k times each monomial of the basis, in the basis, over one denominator
-        self.generators: list[tuple[list[Whole], int]] = []
+        self._generators: list[tuple[list[Whole], int]] = []
         for k in range(len(ring.gens)):
-            raised = (tuple(p + (i == k) for i, p in enumerate(m)) for m in self.monomials)
-            rows = [self.reduced(ring.from_dict({m: ring.domain.one})) for m in raised]
+            raised = (tuple(p + (i == k) for i, p in enumerate(m)) for m in monomials)
+            rows = [self._reduced(ring.from_dict({m: ring.domain.one})) for m in raised]
             common = math.lcm(*(below for _, below in rows))
-            self.generators.append(([[x * (common // below) for x in row] for row, below in rows], common))
+            self._generators.append(([[x * (common // below) for x in row] for row, below in rows], common))
         self._products: dict[Powers, Element] = {}
         # The traces of all products of two monomials of the basis, over one denominator
-        sums = [[tuple(map(operator.add, a, b)) for b in self.monomials] for a in self.monomials]
+        sums = [[tuple(map(operator.add, a, b)) for b in monomials] for a in monomials]
         pairs = [[self._product(monomial) for monomial in row] for row in sums]
         single = [
-            sum((Fraction(pairs[j][i][0][i], pairs[j][i][1]) for i in range(self.D)), Fraction(0))
-            for j in range(self.D)
+            sum((Fraction(row[j][0][i], row[j][1]) for i, row in enumerate(pairs)), Fraction(0))
+            for j in range(len(pairs))
         ]
         below = math.lcm(*(x.denominator for x in single))
         whole = [x.numerator * (below // x.denominator) for x in single]
@@ -230,13 +184,21 @@ class _QuotientAlgebra:
             for row in pairs
         ]
         common = math.lcm(*(x.denominator for row in traces for x in row))
-        self.traces = [[x.numerator * (common // x.denominator) for x in row] for row in traces], common
+        whole_traces = [[x.numerator * (common // x.denominator) for x in row] for row in traces]
+        self._representation = Representation(self._generators, (whole_traces, common))
+        self.roots = self._representation.roots()
 
-    def reduced(self, polynomial: PolyElement) -> Element:
+    def _taken(self, polynomial: PolyElement) -> PolyElement:
+        """A polynomial over the unknowns of this block."""
+        more = (0,) * (len(self._ring.gens) - len(self.indices))
+        terms = {(*(m[k] for k in self.indices), *more): factor for m, factor in polynomial.terms()}
+        return self._ring.from_dict(terms)
+
+    def _reduced(self, polynomial: PolyElement) -> Element:
         """A polynomial in the basis."""
         terms = polynomial.rem(self._ideal).terms() if polynomial else []
         below = math.lcm(*(int(factor.denominator) for powers, factor in terms))
-        found = [0] * self.D
+        found = [0] * len(self._index)
         for powers, factor in terms:
             if factor:
                 found[self._index[powers]] = int(factor.numerator) * (below // int(factor.denominator))
@@ -244,18 +206,32 @@ class _QuotientAlgebra:
 
     def _product(self, monomial: Powers) -> Element:
         """A monomial in the basis, by way of lower ones."""
+        if monomial in self._index:
+            return [int(m == monomial) for m in self._index], 1
         if monomial not in self._products:
-            if monomial in self._index:
-                self._products[monomial] = [int(m == monomial) for m in self.monomials], 1
-            else:
-                unknown = next(k for k, power in enumerate(monomial) if power)
-                lower = tuple(power - (k == unknown) for k, power in enumerate(monomial))
-                element, below = self._product(lower)
-                rows, denominator = self.generators[unknown]
-                found = univariate.combined(element, rows)
-                common = math.gcd(below * denominator, *found)
-                self._products[monomial] = [x // common for x in found], below * denominator // common
+            unknown = next(k for k, power in enumerate(monomial) if power)
+            lower = tuple(power - (k == unknown) for k, power in enumerate(monomial))
+            element, below = self._product(lower)
+            rows, denominator = self._generators[unknown]
+            found = univariate.combined(element, rows)
+            common = math.gcd(below * denominator, *found)
+            self._products[monomial] = [x // common for x in found], below * denominator // common
         return self._products[monomial]
+
+    def enclosure(self, root: RealRoot, index: int, digits: int) -> Enclosure:
+        """Bounds of an unknown of the block at a zero. Raises `NotCounted`."""
+        key = root, index, digits
+        if key not in self._known:
+            # x_k is g/(factor g_1), with its row of the products with 1
+            rows, factor = self._generators[index]
+            self._known[key] = root.enclosure(self._representation.of(rows[0]), factor, digits)
+        return self._known[key]
+
+    def sign(self, root: RealRoot, polynomial: PolyElement) -> int:
+        """The sign of a polynomial in the unknowns of the block at a zero. Raises `NotCounted`."""
+        # It is g/(factor g_1) at each zero, with a factor that is positive.
+        g = self._representation.of(self._reduced(self._taken(polynomial))[0])
+        return root.sign(g) * root.sign(self._representation.one)
 
 
 def _standard(leading: Sequence[Powers], count: int) -> list[Powers]:

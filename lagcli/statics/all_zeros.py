@@ -19,31 +19,18 @@ from lagcli import doubles
 from lagcli.arrays import Floats
 from lagcli.expression import enclosures
 from lagcli.expression.enclosures import NoBounds, NoValue
+from lagcli.linear import decompositions
 from lagcli.smoothness import sides
 from lagcli.statics import algebraic_zeros, point_search, polynomial_equations, refine
 from lagcli.statics.point_search import PointSearch
 from lagcli.statics.polynomial_equations import CountedOrder, NotPolynomial, SpentError
-from lagcli.statics.refine import EquilibriumPoint
-from lagcli.statics.rest_equations import RestEquations
+from lagcli.statics.rest_equations import EquilibriumPoint, RestEquations
 from lagcli.statics.univariate import NotCounted
 
 SetZeros = tuple[list[EquilibriumPoint], list[EquilibriumPoint]]
 Piece = tuple[float, float]
 # The force and its slope over an interval; it raises `NoBounds`.
 Force = Callable[[iv.mpf], tuple[iv.mpf, iv.mpf]]
-
-
-class CompletenessParameters:
-    """Sizes of pieces. The tests are of `tests/unit/test_numbers_of_rest_searches.py`."""
-
-    __slots__ = ()
-
-    uneven: float = 1.0371
-    """The end of the first shell in sizes of things, and so those of all: no decimal number is one, for there zeros
-    are likely. `test_all_zeros_of_one_unknown_lie_within_a_million_sizes` fails at 0.10371 and 10.371."""
-
-
-PARAMETERS = CompletenessParameters()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -97,7 +84,7 @@ class _Plane(Exception):
 
 def _of_set(search: PointSearch, closed: tuple[int, ...], order: CountedOrder) -> SetZeros:
     """All points with these contacts closed and no other one touching, and those at which further ones touch."""
-    problem = search.problem
+    problem, equations = search.problem, search.free.closing(closed)
     unknowns, contacts = problem.n + problem.C + len(closed), problem.K - len(closed)
     program, signs = problem.exact_programs(closed)
     numbers = [problem.t, *problem.p.tolist()]
@@ -124,26 +111,20 @@ def _of_set(search: PointSearch, closed: tuple[int, ...], order: CountedOrder) -
         pushes = (zero.sign(exact.ring.gens[k]) for k in range(problem.n + problem.C, unknowns))
         if search.options.pushes and any(push < 0 for push in pushes):
             continue
-        # The point, rounded to doubles
         values = np.array([0.0 if k in exact.angles else zero.value(k) for k in range(len(exact.names))])
-        x = exact.unknowns(values)
-        q, lam = search.wrapped_angles(x[: problem.n]), x[problem.n :]
-        equations = RestEquations(problem, closed, search.scales)
-        rounded = refine.settled(equations, np.concatenate([q, lam]))
-        point = EquilibriumPoint(q, equations.all_multipliers(lam), closed, rounded.residual)
-        found[0 if all(sides) else 1].append(point)
+        found[0 if all(sides) else 1].append(_rounded(search, equations, exact.unknowns(values)))
     return found
 
 
+def _rounded(search: PointSearch, equations: RestEquations, x: Floats) -> EquilibriumPoint:
+    """The point of a zero that was rounded to doubles."""
+    n = search.problem.n
+    q, lam = search.wrapped_angles(x[:n]), x[n:]
+    residual = equations.settled(np.concatenate([q, lam])).residual
+    return EquilibriumPoint(q, equations.all_multipliers(lam), tuple(equations.contacts), residual)
+
+
 # One unknown, by intervals
-
-
-@dataclasses.dataclass(slots=True)
-class LinePieces:
-    """Pieces of the line with one zero each, and undecided ones; there is none elsewhere."""
-
-    isolated: list[Piece] = dataclasses.field(default_factory=list)
-    undecided: list[Piece] = dataclasses.field(default_factory=list)
 
 
 def by_intervals(search: PointSearch, is_angle: bool) -> Completeness:
@@ -160,22 +141,27 @@ def by_intervals(search: PointSearch, is_angle: bool) -> Completeness:
         return value, slope
 
     # More digits than a double has, so that roundings are no reason to halve an interval
-    digits, iv.dps = iv.dps, 20
+    digits, iv.dps, narrowed = iv.dps, 20, list[float]()
     try:
-        pieces = _pieces(force, search, is_angle)
-        narrowed = [_narrowed(force, piece) for piece in pieces.isolated]
+        isolated, undecided = pieces(force, length, is_angle)
+        for low, high in isolated:
+            # The force rises or falls on the piece: its zero to rounding
+            if low < 0 < high and 0 in force(iv.mpf(0))[0]:
+                high = 0.0
+            else:
+                left = _is_up(force, low)
+                while (
+                    math.nextafter(low, high) < high
+                ):  # beside zero there are more doubles than an interval is halved
+                    between = sides.bracket(lambda x: _is_up(force, float(x)) is left, low, high)  # noqa: B023
+                    low, high = map(float, between)
+            narrowed.append(high)
     finally:
         iv.dps = digits
-    equations = RestEquations(problem, (), search.scales)
-    points = []
-    for x in narrowed:
-        rounded = refine.settled(equations, np.array([x]))
-        points.append(
-            EquilibriumPoint(search.wrapped_angles(np.array([x])), problem.nothing, (), rounded.residual)
-        )
+    points = [_rounded(search, search.free, np.array([x])) for x in narrowed]
     # Undecided pieces, those that touch as one
     own: list[Piece] = []
-    for low, high in sorted(pieces.undecided):
+    for low, high in sorted(undecided):
         if own and low <= own[-1][1]:
             before = own.pop()
             low, high = before[0], max(high, before[1])
@@ -184,79 +170,75 @@ def by_intervals(search: PointSearch, is_angle: bool) -> Completeness:
 
     def is_decided(q: Floats) -> bool:
         """True outside of undecided pieces, and not within an interval of one that is not halved further."""
-        near = _width(length, float(q[0]), 1)
+        near = _narrow(length, float(q[0]))
         return not any(low - near <= q[0] + turn <= high + near for low, high in own for turn in turns)
 
     agrees = search.settle({(): points}, is_decided)
     for low, high in own:
         if np.isfinite([low, high]).all():
-            search.take(refine.reached(problem, np.array([(low + high) / 2]), (), search.scales))
-    if own:
-        is_narrow = all(abs(low + high) == np.inf or high - low <= _width(length, low) for low, high in own)
-        return Completeness(False, _undecided(own), is_narrow)
-    proof = "that there are no others is proved by intervals: each piece of the line has one of them, or none"
-    return Completeness(True, proof) if agrees else Completeness(False)
-
-
-def _undecided(pieces: list[Piece]) -> str:
-    """A sentence on pieces that are undecided."""
+            search.take(refine.reached(search.free, np.array([(low + high) / 2])))
+    if not own:
+        proof = (
+            "that there are no others is proved by intervals: each piece of the line has one of them, or none"
+        )
+        return Completeness(True, proof) if agrees else Completeness(False)
     most = point_search.PARAMETERS.most_named
     named = [
         f"near {(low + high) / 2:.6g}" if high - low <= doubles.ROOT else f"from {low:.3g} to {high:.3g}"
-        for low, high in sorted(pieces, key=lambda piece: abs(piece[0] + piece[1]))[:most]
+        for low, high in sorted(own, key=lambda piece: abs(piece[0] + piece[1]))[:most]
     ]
-    more = "" if len(pieces) <= most else " and elsewhere"
-    return f"intervals decide everywhere but {', '.join(named)}{more}: a pole, a kink, a double zero or a flat tail"
+    more = "" if len(own) <= most else " and elsewhere"
+    told = f"intervals decide everywhere but {', '.join(named)}{more}: a pole, a kink, a double zero or a flat tail"
+    # Narrow ones side by side are one piece.
+    is_narrow = all(
+        abs(low + high) == np.inf or high - low <= 100 * _narrow(length, low) for low, high in own
+    )
+    return Completeness(False, told, is_narrow)
 
 
-def _width(length: float, x: float, together: int = 100) -> float:
-    """The width of some intervals that are not halved further, side by side: as narrow ones they are one piece."""
-    return together * doubles.ZERO * (length + abs(x))
+def _narrow(length: float, x: float) -> float:
+    """The width of an interval that is not halved further."""
+    return doubles.ZERO * (length + abs(x))
 
 
-def _narrowed(force: Force, piece: Piece) -> float:
-    """The zero in a piece on which the force rises or falls, to rounding."""
-    low, high = piece
-    if low < 0 < high and 0 in force(iv.mpf(0))[0]:
-        return 0.0
-    left = _is_up(force, low)
-    while math.nextafter(low, high) < high:  # beside zero there are more doubles than an interval is halved
-        low, high = map(float, sides.bracket(lambda x: _is_up(force, float(x)) is left, low, high))
-    return high
-
-
-def _pieces(force: Force, search: PointSearch, is_angle: bool) -> LinePieces:
-    """All pieces, from the middle outward: a whole turn, or shells as far as the force has no zero beyond."""
-    found, length, left = LinePieces(), search.scales.length, 4000  # intervals that are looked at
+def pieces(force: Force, length: float, is_angle: bool) -> tuple[list[Piece], list[Piece]]:
+    """Pieces of the line with one zero each, and undecided ones; there is none elsewhere. From the middle outward: a
+    whole turn, or shells as far as the force has no zero beyond."""
+    left = 4000  # intervals that are looked at
     if is_angle:
         # The ends lie at no point where a zero is likely, and overlap: none is lost between them.
         turn = (-np.pi + 0.0123 - doubles.VALUE, np.pi + 0.0123 + doubles.VALUE)
-        _search(force, [turn], found, left, length)
-        return found
-    # Shells that share the intervals, from one size of things up to a million
-    ends = [length * PARAMETERS.uneven * 10.0**k for k in range(7)]
+        isolated, undecided, _ = _halved(force, [turn], left, length)
+        return isolated, undecided
+    # Shells that share the intervals, from one size of things up to a million; where they end no zero is likely
+    isolated, undecided = [], []
+    ends = [length * decompositions.generic_parts(9)[-2] * 10.0**k for k in range(7)]
     for k, end in enumerate(ends):
         shell = [(-end, end)] if not k else [(-end, -ends[k - 1]), (ends[k - 1], end)]
-        left -= _search(force, shell, found, left // (len(ends) - k), length)
+        own, unknown, count = _halved(force, shell, left // (len(ends) - k), length)
+        isolated, undecided, left = isolated + own, undecided + unknown, left - count
     for end, tail in ((ends[-1], (ends[-1], np.inf)), (-ends[-1], (-np.inf, -ends[-1]))):
         try:
             value, slope = force(iv.mpf(list(tail)))
         except NoValue:
             continue
         except NoBounds:
-            found.undecided.append(tail)
+            undecided.append(tail)
             continue
         # The force has one sign there by its bounds, or as it grows away from zero.
         is_up = _is_up(force, end)
         grows = is_up is not None and _is_determined(slope) and bool(slope.a > 0) == (is_up == (end > 0))
         if not _is_determined(value) and not grows:
-            found.undecided.append(tail)
-    return found
+            undecided.append(tail)
+    return isolated, undecided
 
 
-def _search(force: Force, begun: list[Piece], found: LinePieces, boxes: int, length: float) -> int:
-    """Halve pieces as long as they are undecided; the number that was looked at."""
-    waiting = deque(begun)
+def _halved(
+    force: Force, begun: list[Piece], boxes: int, length: float
+) -> tuple[list[Piece], list[Piece], int]:
+    """Pieces halved as long as they are undecided: those with one zero, those that stay so, and the number that was
+    looked at."""
+    isolated, undecided, waiting = list[Piece](), list[Piece](), deque(begun)
     count = 0
     while waiting and count < boxes:
         count += 1
@@ -274,14 +256,13 @@ def _search(force: Force, begun: list[Piece], found: LinePieces, boxes: int, len
                 continue
             ends = [None] if 0 in slope else [_is_up(force, x) for x in (low, high)]
             if None not in ends:
-                found.isolated += [(low, high)] if ends[0] != ends[1] else []
+                isolated += [(low, high)] if ends[0] != ends[1] else []
                 continue
-        if high - low < doubles.ZERO * (length + abs(low)) or not low < middle < high:
-            found.undecided.append((low, high))
+        if high - low < _narrow(length, low) or not low < middle < high:
+            undecided.append((low, high))
         else:
             waiting += [(low, middle), (middle, high)]
-    found.undecided += waiting
-    return count
+    return isolated, [*undecided, *waiting], count
 
 
 def _is_up(force: Force, x: float) -> bool | None:

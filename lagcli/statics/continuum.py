@@ -17,9 +17,7 @@ from lagcli.contact import complementarity
 from lagcli.linear import decompositions, rank
 from lagcli.statics import point_type, precise_zeros, refine, rest_equations
 from lagcli.statics.point_type import PointType
-from lagcli.statics.refine import EquilibriumPoint
-from lagcli.statics.rest_equations import LENGTHS, RestEquations, Scales
-from lagcli.statics.static_problem import StaticProblem
+from lagcli.statics.rest_equations import LENGTHS, EquilibriumPoint, RestEquations
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -34,11 +32,11 @@ class FoundPoint:
 
 
 class KnownContinua:
-    """The question whether points of one search are connected; angles: which coordinates are angles."""
+    """The question whether points of one search are connected; free: its equations without contacts, angles: which
+    coordinates are angles."""
 
-    def __init__(self, problem: StaticProblem, scales: Scales, angles: tuple[bool, ...]) -> None:
-        self._problem, self._scales = problem, scales
-        self._angles = np.array(angles, dtype=bool)
+    def __init__(self, free: RestEquations, angles: tuple[bool, ...]) -> None:
+        self._free, self._angles = free, np.array(angles, dtype=bool)
 
     def are_one(self, known: FoundPoint, found: FoundPoint) -> bool:
         """True if a walk along a continuum leads from one of two points of it to the other."""
@@ -59,17 +57,15 @@ class KnownContinua:
 
     def differ(self, a: EquilibriumPoint, b: EquilibriumPoint) -> bool:
         """True if two points lie on no one continuum by the values there: it is level where rows hold places."""
-        problem = self._problem
-        if not problem.laws.driving.is_zero() or not point_type.is_holonomic(problem, a):
+        problem, scales = self._free.problem, self._free.scales
+        if not problem.laws.driving.is_zero() or not point_type.is_holonomic(self._free, a):
             return False
         one, other = problem.value(a.q), problem.value(b.q)
-        size = max(self._scales.force * self._scales.length, abs(one), abs(other))
-        return abs(one - other) > doubles.ROOT * size
+        return abs(one - other) > doubles.ROOT * max(scales.force * scales.length, abs(one), abs(other))
 
     def _is_connected(self, begin: FoundPoint, end: FoundPoint) -> bool:
         """True if a walk from a point of a continuum comes to another point, with the least turns of angles."""
-        equations = RestEquations(self._problem, begin.point.closed, self._scales)
-        goal = np.array(end.point.q)
+        equations, goal = self._free.closing(begin.point.closed), np.array(end.point.q)
         goal[self._angles] += 2 * np.pi * np.round((begin.point.q - goal)[self._angles] / (2 * np.pi))
         return connected(equations, equations.unknowns(begin.point.q), goal, begin.dimension)
 
@@ -95,8 +91,7 @@ def tangent(equations: RestEquations, x: Floats) -> Floats:
     n, length = equations.problem.n, LENGTHS.near * equations.scales.length
     least, moved = basis.shape[1], []
     for direction in basis.T:
-        both = (stepped(equations, x, sign * length * direction, 1.0) for sign in (1, -1))
-        ends = [end for end in both if end is not None and _is_zero(equations, end, length)]
+        ends = _ends(equations, x, direction, length)
         if not ends or not LENGTHS.stride * length < np.linalg.norm(ends[0][:n] - x[:n]):
             continue
         # Across a continuum curvatures may vanish too, and a step on a slant comes back onto it.
@@ -111,16 +106,21 @@ def tangent(equations: RestEquations, x: Floats) -> Floats:
 def beside_crossing(equations: RestEquations, x: Floats) -> Floats:
     """A point of the continuum through x with fewer flat directions, where branches of it cross at x; else x."""
     basis, length = directions(equations, x), LENGTHS.walk * equations.scales.length
-    ends = [stepped(equations, x, sign * length * way, 1.0) for way in basis.T for sign in (1, -1)]
-    others = [x, *(end for end in ends if end is not None and _is_zero(equations, end, length))]
+    others = [x, *(end for way in basis.T for end in _ends(equations, x, way, length))]
     return min(others, key=lambda each: directions(equations, each).shape[1])
 
 
-def _is_zero(equations: RestEquations, x: Floats, length: float) -> bool:
-    """True if there is a zero within a part of a length of x in many digits too, where these are known: beside a sixth
-    power doubles see no force."""
-    found, n = precise_zeros.nearest(equations, x), equations.problem.n
-    return found is None or bool(np.linalg.norm((found - x)[:n]) <= LENGTHS.stride * length)
+def _ends(equations: RestEquations, x: Floats, way: Floats, length: float) -> list[Floats]:
+    """The points of rest at a length both ways along a direction: those that are zeros in many digits too, where these
+    are known, as beside a sixth power doubles see no force."""
+    found, n = [], equations.problem.n
+    for sign in (1, -1):
+        end = stepped(equations, x, sign * length * way, 1.0)
+        if end is not None:
+            zero = precise_zeros.nearest(equations, end)
+            if zero is None or np.linalg.norm((zero - end)[:n]) <= LENGTHS.stride * length:
+                found.append(end)
+    return found
 
 
 def stepped(
@@ -144,59 +144,54 @@ def connected(equations: RestEquations, x: Floats, goal: Floats, size: int) -> b
     for _ in range(80):
         way = goal - x[:n]
         left = float(np.linalg.norm(way))
-        if left <= doubles.ROOT * unit or _is_straight(equations, x, way):
+        if left <= doubles.ROOT * unit or is_straight(equations, x, way):
             return True
-        there = _nearer(equations, x, goal, size)
+        # A further point that is nearer to the goal
+        basis, there = directions(equations, x), None
+        is_crossing = basis.shape[1] > size  # or across it is flat too
+        for free in (basis, tangent(equations, x)) if is_crossing else (basis,):
+            along = free @ (free.T @ way)
+            length = float(np.linalg.norm(along))
+            if (
+                free.size and length <= doubles.ROOT * left
+            ):  # straight across, as on a ring: either way will do
+                along, length = free[:, 0], 1.0
+            # Where the way is nearly across, what lies along is short and the continuum goes on, or it leads to a
+            # crossing.
+            far = min(left, LENGTHS.walk * unit) / length if length > 0.0 else 0.0
+            for part in (far, 0.3 * far, 0.1 * far, 1.0) if far else ():
+                end = stepped(equations, x, part * along, 1.0 if is_crossing else LENGTHS.stride)
+                if end is not None and np.linalg.norm(goal - end[:n]) < left * (1 - 1e-8):
+                    there = end
+                    break
+            if there is not None:
+                break
         if there is None:
             return False
         x = there
     return False
 
 
-def _is_straight(equations: RestEquations, x: Floats, way: Floats) -> bool:
+def is_straight(equations: RestEquations, x: Floats, way: Floats) -> bool:
     """True if the continuum is flat along a way (n,) from x: all that was looked at on it rests."""
-    n, size = equations.problem.n, equations.scales.length
+    n, least = equations.problem.n, doubles.ROOT * equations.scales.length
     basis = directions(equations, x)
-    if np.linalg.norm(way - basis @ (basis.T @ way)) > doubles.ROOT * size:
+    if np.linalg.norm(way - basis @ (basis.T @ way)) > least:
         return False
     for part in decompositions.generic_parts(8):
         end = stepped(equations, x, part * way)
-        if end is None or np.linalg.norm(end[:n] - x[:n] - part * way) > doubles.ROOT * size:
+        if end is None or np.linalg.norm(end[:n] - x[:n] - part * way) > least:
             return False
     return True
 
 
-def _nearer(equations: RestEquations, x: Floats, goal: Floats, size: int) -> Floats | None:
-    """A further point of the continuum through x that is nearer to the goal; None where none is found."""
-    n, way = equations.problem.n, goal - x[: equations.problem.n]
-    left = float(np.linalg.norm(way))
-    basis = directions(equations, x)
-    is_crossing = basis.shape[1] > size  # or across it is flat too
-    for free in (basis, tangent(equations, x) if is_crossing else basis[:, :0]):
-        along = free @ (free.T @ way)
-        length = float(np.linalg.norm(along))
-        if free.size and length <= doubles.ROOT * left:  # straight across, as on a ring: either way will do
-            along, length = free[:, 0], 1.0
-        if not length > 0.0:
-            continue
-        # Where the way is nearly across, what lies along is short and the continuum goes on, or it leads to a crossing.
-        far = min(left, LENGTHS.walk * equations.scales.length) / length
-        for part in (far, 0.3 * far, 0.1 * far, 1.0):
-            there = stepped(equations, x, part * along, 1.0 if is_crossing else LENGTHS.stride)
-            if there is not None and np.linalg.norm(goal - there[:n]) < left * (1 - 1e-8):
-                return there
-    return None
-
-
-def with_own_contacts(problem: StaticProblem, found: EquilibriumPoint, scales: Scales) -> EquilibriumPoint:
+def with_own_contacts(equations: RestEquations, found: EquilibriumPoint) -> EquilibriumPoint:
     """A point with only those contacts closed that carry a force or leave no side of themselves free; as it is where it
     touches nothing without a force, or no continuum goes through it."""
-    carrying = point_type.carrying(problem, found, scales)
-    idle = [k for k in refine.touching(problem, found, scales) if k not in carrying]
-    if not idle:
-        return found
-    free = RestEquations(problem, carrying, scales)
-    x = free.begun(found.q)
+    problem, carrying = equations.problem, point_type.carrying(equations, found)
+    idle = [k for k in equations.touching(found) if k not in carrying]
+    free = equations.closing(carrying)
+    x = free.begun(found.q) if idle else None
     if x is None:
         return found
     basis = directions(free, x)
@@ -208,18 +203,16 @@ def with_own_contacts(problem: StaticProblem, found: EquilibriumPoint, scales: S
     sizes, nothing = np.linalg.norm(G, axis=1), rank.PARAMETERS.small
     rows, closed_too = G / np.where(sizes > nothing, sizes, 1.0)[:, None], []
     if not (rows @ rows.sum(axis=0) > nothing).all():
-        left = [complementarity.residual(rows.T, -row) for row in rows]
-        closed_too = [
-            k
-            for k, rest in zip(idle, left, strict=True)
-            if rest is not None and float(np.linalg.norm(rest)) <= nothing
-        ]
+        for k, row in zip(idle, rows, strict=True):
+            left = complementarity.residual(rows.T, -row)
+            if left is not None and float(np.linalg.norm(left)) <= nothing:
+                closed_too.append(k)
     closed = tuple(sorted((*carrying, *closed_too)))
     if closed == found.closed:
         return found
-    bounded, own = (RestEquations(problem, each, scales) for each in (closed, found.closed))
+    bounded, own = equations.closing(closed), equations.closing(found.closed)
     begun = bounded.begun(found.q)
-    point = None if begun is None else refine.settled(bounded, begun)
+    point = None if begun is None else bounded.settled(begun)
     if begun is None or not isinstance(point, EquilibriumPoint):
         return found
     if tangent(bounded, begun).size:

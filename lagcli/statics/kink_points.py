@@ -1,4 +1,4 @@
-"""Points where the function has a kink, or a pole: there it may have an extreme that no lambda balances.
+"""Points where an extreme may need no lambda: where the function has a kink or a pole, or rows depend on each other.
 
 The shortest sum of distances to the corners of an obtuse triangle is that from the corner itself; |x - 1| + x^2/4 is
 least at 1. Candidates are the stationary points on the surface u = 0 of sqrt(u), |u|, u^(1/3) or the difference u of
@@ -30,12 +30,13 @@ from lagcli.statics import (
     static_report,
 )
 from lagcli.statics.point_search import PointSearch
-from lagcli.statics.rest_equations import SETTLED, RestEquations
+from lagcli.statics.rest_equations import SETTLED, EquilibriumPoint, RestEquations
 from lagcli.statics.static_problem import StaticLaws, StaticProblem
 
 # Differences of values from that at a kink, a thousand times nearer, that are more than this part: it is a pole.
 CONTINUOUS = 1 - flat_directions.PARAMETERS.kept
-# A kink whose gradient is this part of its size, or less, is one of a point alone, as that of a distance.
+# A kink whose gradient is this part of its size, or less, is one of a point alone, as that of a distance. Zeros of
+# dependent gradients are double: coordinates of this part of the size of things are zero, closer points are one.
 ISOLATED = point_search.PARAMETERS.same_of_flat
 _POLES = (ca.OP_DIV, ca.OP_INV, ca.OP_LOG)
 # What is zero, or not, where the argument is: the argument of these stands for them.
@@ -89,7 +90,7 @@ def _argument(op: int, parts: Sequence[ca.SX]) -> ca.SX | None:
     return None
 
 
-def _on_kinks(problem: StaticProblem, there: Sequence[Kink]) -> StaticProblem:
+def on_kinks(problem: StaticProblem, there: Sequence[Kink]) -> StaticProblem:
     """The problem on the surface u = 0 of all of some kinks, or of a pole, of the function with the results of these
     kinks as they are there."""
     laws, numbers, passed = problem.laws, {kink.number for kink in there}, itertools.count()
@@ -117,42 +118,39 @@ def _on_kinks(problem: StaticProblem, there: Sequence[Kink]) -> StaticProblem:
 
 
 def extremes(search: PointSearch, sets: Sequence[tuple[Kink, ...]]) -> Iterator[tuple[str, Floats, str]]:
-    """Extremes where sets of kinks meet, as far as they are found: the word of a kink, the place and the type."""
-    found: list[Floats] = []
+    """Extremes where sets of kinks meet, as far as they are found: the word of a kink, the place and the type.
+
+    Candidates are, with each set of contacts closed, points where the gradient of the surface of a kink vanishes, as
+    that of a distance does, and points in balance on it.
+    """
+    problem, touch, found = search.problem, search.scales.touch, list[Floats]()
     for there in sets:
-        on_kink = _on_kinks(search.problem, there)
-        for q in _candidates(search, on_kink):
+        on_kink = on_kinks(problem, there)
+        free = RestEquations(on_kink, (), rest_equations.scales(on_kink, problem.begin))
+        for closed, begin in itertools.product(problem.contact_sets(), [problem.begin, *search.others(6)]):
+            equations = free.closing(closed)
+            q = refine.onto(equations, begin)
+            if q is None:
+                continue
+            row = on_kink.at(on_kink.t, q, on_kink.nothing).dc[-1]
+            is_surface = np.linalg.norm(row) > ISOLATED * free.scales.conditions[-1]
+            if is_surface and problem.n > on_kink.laws.c.numel() + len(closed):
+                point = refine.reached(equations, q)
+                if not isinstance(point, EquilibriumPoint):
+                    continue
+                q = point.q
+            q = np.where(np.abs(q) <= doubles.ZERO * search.scales.length, 0.0, q)
+            if not (on_kink.at(on_kink.t, q, on_kink.nothing).g >= -touch).all():
+                continue
             if any(search.apart(q, other) <= SETTLED for other in found):
                 continue
-            kind = _kind(search, on_kink, q)
+            kind = kind_at(search, on_kink, q)
             if kind is not None and precise_zeros.is_met(on_kink, q, search.scales.length):
                 found.append(q)
                 yield there[0].word, q, kind
 
 
-def _candidates(search: PointSearch, on_kink: StaticProblem) -> Iterator[Floats]:
-    """Stationary points on the surface of a kink, with each set of contacts closed: points on it where its gradient
-    vanishes, as that of a distance does, and points in balance."""
-    problem = search.problem
-    scales = rest_equations.scales(on_kink, problem.begin)
-    begins = [problem.begin, *search.others(6)]
-    for closed, begin in itertools.product(problem.contact_sets(), begins):
-        q = refine.onto(on_kink, begin, closed, scales)
-        if q is None:
-            continue
-        row = on_kink.at(on_kink.t, q, on_kink.nothing).dc[-1]
-        is_surface = np.linalg.norm(row) > ISOLATED * scales.conditions[-1]
-        if is_surface and problem.n > on_kink.laws.c.numel() + len(closed):
-            point = refine.reached(on_kink, q, closed, scales)
-            if not isinstance(point, refine.EquilibriumPoint):
-                continue
-            q = point.q
-        q = np.where(np.abs(q) <= doubles.ZERO * search.scales.length, 0.0, q)
-        if (on_kink.at(on_kink.t, q, on_kink.nothing).g >= -search.scales.touch).all():
-            yield q
-
-
-def _kind(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | None:
+def kind_at(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | None:
     """`minimum` or `maximum` at a kink, by the slopes on all open sides; None where it is none or undecided."""
     problem, h = search.problem, doubles.ROOT * search.scales.length
     here = problem.value(q)
@@ -173,10 +171,10 @@ def _kind(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | None:
         scales = rest_equations.scales(on_kink, q)
         equations = RestEquations(on_kink, tuple(np.flatnonzero(near).tolist()), scales)
         x = equations.begun(q)
-        point = None if x is None else refine.settled(equations, x)
+        point = None if x is None else equations.settled(x)
         along = ""
-        if isinstance(point, refine.EquilibriumPoint):
-            along = str(point_type.classify(on_kink, point, scales, True)[0].kind)
+        if isinstance(point, EquilibriumPoint):
+            along = str(point_type.classify(equations, point, True)[0].kind)
 
     def changes(ways: Floats, distance: float = h) -> Floats:
         """f - f(q) at a distance along directions (m, n) and at a thousandth of it, (2, m); nan beyond a contact and
@@ -197,8 +195,15 @@ def _kind(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | None:
         return None
     slopes = beside[0] / h
     if not is_surface:
+        # Directions in which arguments of kinks stay zero although their gradients vanish there, as these stay the same
+        # over a distance: those that are drawn hardly meet them.
         farther = float(np.sqrt(h * search.scales.length))
-        staying = _staying(on_kink, q, rows, Z, farther)
+        places = [q, *(q + sign * farther * way for way in Z.T for sign in (1, -1))]
+        first, *ends = (on_kink.at(on_kink.t, at, on_kink.nothing).dc[rows:] @ Z for at in places)
+        turning = [(end - other).ravel() for end, other in zip(ends[::2], ends[1::2], strict=True)]
+        changing = np.vstack([first, np.array(turning).T])
+        size = float(np.abs(changing).max(initial=0.0))
+        staying = rank.null_basis(changing / size) if size > 0 else np.eye(Z.shape[1])
         # Along contacts, too: of others one side alone is allowed.
         level = rank.null_basis(decompositions.unit(walls @ staying))
         staying = (Z @ np.hstack([staying, staying @ level])).T
@@ -210,19 +215,6 @@ def _kind(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | None:
     if (slopes < -floor).all() and along in ("isolated", "maximum"):
         return "maximum"
     return None
-
-
-def _staying(on_kink: StaticProblem, q: Floats, rows: int, Z: Floats, distance: float) -> Floats:
-    """Directions (d, k) of a space Z (n, d) in which arguments of kinks, after the first rows, stay zero although their
-    gradients, compared over a distance, vanish: those that are drawn hardly meet them."""
-
-    def gradients(at: Floats) -> Floats:
-        return on_kink.at(on_kink.t, at, on_kink.nothing).dc[rows:] @ Z
-
-    ends = [(gradients(q + distance * way) - gradients(q - distance * way)).ravel() for way in Z.T]
-    changing = np.vstack([gradients(q), np.array(ends).T])
-    size = float(np.abs(changing).max(initial=0.0))
-    return rank.null_basis(changing / size) if size > 0 else np.eye(Z.shape[1])
 
 
 def _widest(changes: Callable[[Floats], Floats], Z: Floats) -> Floats:
@@ -256,10 +248,10 @@ def pole_sentences(search: PointSearch, known: Sequence[Kink], names: Sequence[s
     for pole in known:
         if pole.number is not None:
             continue
-        on_pole = _on_kinks(problem, (pole,))
-        scales = rest_equations.scales(on_pole, problem.begin)
+        on_pole = on_kinks(problem, (pole,))
+        free = RestEquations(on_pole, (), rest_equations.scales(on_pole, problem.begin))
         for begin in [problem.begin, *search.others(6)]:
-            q = refine.onto(on_pole, begin, (), scales)
+            q = refine.onto(free, begin)
             if q is None or (on_pole.at(on_pole.t, q, on_pole.nothing).g < -search.scales.touch).any():
                 continue
             q = np.where(np.abs(q) <= SETTLED * search.scales.length, 0.0, q)
@@ -343,3 +335,99 @@ def notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:
     if len(named) > limits.most_named:
         sentences.append("there are extremes at further kinks, which are not named")
     return sentences
+
+
+# Where gradients depend on each other
+
+
+def singular_notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:
+    """Sentences on points where the gradients of rows and closed contacts depend on each other: there the multiplier
+    rule need not hold. `value`: the function that is asked for.
+
+    At such a point a function may be smallest although no lambda balances its gradient: min x on x^3 = y^2; and with
+    contacts max x on 0 <= y <= (1 - x)^3 (Kuhn and Tucker), where multipliers of one sign balance each other.
+    """
+    problem, limits = search.problem, point_search.PARAMETERS
+    if problem.n > limits.most_coordinates or len(problem.times) > 1:
+        return []
+    places: list[tuple[Floats, str]] = []
+    for closed in problem.contact_sets() if limits.most_contacts >= problem.K else [()]:
+        which = "closed inequalities" if closed else "the rows"
+        for q in _singular(search, closed) if problem.C or closed else ():
+            if not any(search.apart(q, other) <= 10 * ISOLATED for other, _ in places):
+                places.append((q, which))
+    told = [
+        f"at {static_report.place(names, q)} the gradients of {which} depend on each other: the multiplier"
+        " rule need not hold there, and it may be an extreme without lambda"
+        f" ({value} = {problem.value(q):.9g})"
+        for q, which in places[: limits.most_named]
+    ]
+    return told + ["there are more such points"] * (len(places) > limits.most_named)
+
+
+def _singular(search: PointSearch, closed: tuple[int, ...]) -> Iterator[Floats]:
+    """Configurations on the surface where rows and these closed contacts, independent elsewhere, depend on each
+    other."""
+    problem, scales = search.problem, search.scales
+    random = np.random.default_rng(search.options.seed + 1)
+    # Rows that are independent at a point anywhere; none where contacts are not independent of them
+    anywhere = problem.begin + 0.3 * scales.length * random.standard_normal(problem.n)
+    values = problem.at(problem.t, anywhere, problem.nothing)
+    B, G = values.B, values.G[list(closed)]
+    rows: list[int] = []
+    for row in range(problem.C):
+        if np.isfinite(B[row]).all() and point_type.unit_rank(B[[*rows, row]]) > len(rows):
+            rows.append(row)
+    together = np.vstack([B[rows], G])
+    if closed and (not np.isfinite(G).all() or point_type.unit_rank(together) < len(together)):
+        return
+    chosen = [*rows, *(problem.C + k for k in closed)]
+    gradients = problem.at(problem.t, problem.begin, problem.nothing).rows(range(problem.K))[chosen]
+    lengths = np.maximum(np.linalg.norm(np.nan_to_num(gradients), axis=1), rest_equations.SMALL)
+    contacts = list(closed)
+    size = np.concatenate([scales.conditions, scales.contacts[contacts]])
+
+    def dependent(x: Floats) -> tuple[Floats, Floats] | None:
+        """c = 0, g = 0, B^T mu = 0, |mu| = 1 of (q, mu)."""
+        q, mu = x[: problem.n], x[problem.n :]
+        lam = problem.nothing
+        lam[chosen] = mu / lengths
+        with_mu, without = (problem.at(problem.t, q, each) for each in (lam, problem.nothing))
+        G, g = with_mu.G[contacts], with_mu.g[contacts]
+        if not with_mu.finite or not without.finite or not np.isfinite(G).all() or not np.isfinite(g).all():
+            return None
+        unit = with_mu.rows(range(problem.K))[chosen] / lengths[:, None]
+        on = np.concatenate([with_mu.c, g]) / size
+        slopes = np.vstack([with_mu.dc, G]) / size[:, None]
+        by_q = np.vstack([slopes, with_mu.K - without.K, np.zeros((1, problem.n))])
+        by_mu = np.vstack([np.zeros((on.size, mu.size)), unit.T, 2 * mu[None]])
+        return np.concatenate([on, unit.T @ mu, [mu @ mu - 1]]), np.hstack([by_q, by_mu])
+
+    begins = [problem.begin, *(one.point.q for one in search.points if not one.type.unique)]
+    conditions = problem.laws.c.numel() + len(closed)
+    for begin in [*begins, *search.others(4 if closed else 12)]:
+        mu = random.standard_normal(lengths.size)
+        x = np.concatenate([begin, mu / np.linalg.norm(mu)])
+        # Constant gradients that are independent somewhere are so everywhere.
+        here = dependent(x) if closed else None
+        if here is not None and not here[1][conditions:-1, : problem.n].any():
+            return
+        end = refine.solve(dependent, x, 80)
+        if end is None or not end.distance <= 100 * doubles.VALUE or not np.isfinite(end.x).all():
+            continue
+        pushes = end.x[problem.n + len(rows) :]
+        if closed and not ((pushes > ISOLATED).all() or (pushes < -ISOLATED).all()):
+            continue  # contacts of both signs leave a side free, on which the rule holds
+        # The digits that are no rounding: three where rows hold there to rounding, or zero what is nearly so
+        q = end.x[: problem.n]
+        zeroed = np.where(np.abs(q) <= ISOLATED * scales.length, 0.0, q)
+        for tried in (np.round(q / scales.length, 3) * scales.length, zeroed):
+            again = dependent(np.concatenate([tried, end.x[problem.n :]]))
+            if again is None or np.linalg.norm(again[0]) > ISOLATED:
+                continue
+            if tried is zeroed or np.abs(again[0][:conditions]).max(initial=0.0) <= 4 * doubles.EPS:
+                q = tried + 0.0
+                break
+        g = problem.at(problem.t, q, problem.nothing).g / scales.contacts
+        if not (g < -ISOLATED * scales.length).any():
+            yield q

@@ -24,8 +24,7 @@ from lagcli.statics import (
     static_problem,
 )
 from lagcli.statics.continuum import FoundPoint, KnownContinua
-from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
-from lagcli.statics.rest_equations import RestEquations, Scales
+from lagcli.statics.rest_equations import EquilibriumPoint, NoEquilibrium, RestEquations
 from lagcli.statics.static_problem import StaticProblem
 
 Flags = tuple[bool, ...]
@@ -87,7 +86,8 @@ class PointSearch:
     def __init__(self, problem: StaticProblem, options: SearchOptions) -> None:
         self.problem, self.options = problem, options
         self.scales = rest_equations.scales(problem, problem.begin)
-        self._continua = KnownContinua(problem, self.scales, options.angles)
+        self.free = RestEquations(problem, (), self.scales)  # the equations without contacts
+        self._continua = KnownContinua(self.free, options.angles)
         self._angles = np.array(options.angles, dtype=bool)
         self.points: list[FoundPoint] = []
         self.best = NoEquilibrium(np.inf, problem.begin)
@@ -148,9 +148,7 @@ class PointSearch:
             if not self.problem.has_value(point.q):
                 continue
             # Beside an undecided piece zeros may be those of rounded numbers, and one to the digits of the function.
-            kind, moved = point_type.classify(
-                self.problem, point, self.scales, has_potential, is_exact=is_whole
-            )
+            kind, moved = point_type.classify(self.free, point, has_potential, is_exact=is_whole)
             is_one = moved.q is not point.q and not is_whole
             if is_one and any(self.apart(each.point.q, moved.q) <= doubles.ROOT for each in own):
                 continue
@@ -185,19 +183,19 @@ class PointSearch:
         if first:
             self._take_nearest(begin, () if waits else refine.OFFSETS)
         elif problem.K and self.options.pushes:
-            self.take(refine.pushed(problem, begin, self.scales))
+            self.take(refine.pushed(self.free, begin))
         sets = self._sets
         if not first and len(sets) > 4:
             sets = [sets[self.starts % len(sets)]]
         for closed in sets:
-            self.take(refine.reached(problem, begin, closed, self.scales))
-            equations = RestEquations(problem, closed, self.scales)
+            equations = self.free.closing(closed)
+            self.take(refine.reached(equations, begin))
             is_large = equations.size > static_problem.LARGE
             is_asked = has_potential and (first or not is_large)
             for sign in ((1.0,) if is_large else (1.0, -1.0)) if is_asked else ():
                 point = refine.lowest(equations, begin, sign)
                 if point is not None:
-                    self.take(refine.reached(problem, point, closed, self.scales))
+                    self.take(refine.reached(equations, point))
             if self.spent > self._allowed:
                 break
         if first and waits and not self.points:
@@ -210,11 +208,11 @@ class PointSearch:
         if self.options.pushes or not self.problem.K:
             self.take(refine.nearest_equilibrium(self.problem, begin, asides))
         else:
-            self.take(refine.reached(self.problem, begin, (), self.scales))
+            self.take(refine.reached(self.free, begin))
 
     def _around(self, begin: Floats, closed: Contacts, is_followed: bool) -> None:
         """Further points round a start: along a path if it is followed, and without those that are known."""
-        equations = RestEquations(self.problem, closed, self.scales)
+        equations = self.free.closing(closed)
         x = equations.begun(begin)
         if equations.size > static_problem.LARGE or self.spent > self._allowed or x is None:
             return
@@ -239,7 +237,7 @@ class PointSearch:
         if equations(x) is None:
             return False
         end = refine.refined(equations, x)
-        return self.take(refine.settled(equations, end.x, end.moved))
+        return self.take(equations.settled(end.x, end.moved))
 
     @property
     def spent(self) -> float:
@@ -256,7 +254,7 @@ class PointSearch:
             self.best = min(self.best, found, key=lambda one: one.residual)
             return False
         found = dataclasses.replace(found, q=self.wrapped_angles(found.q))
-        pulling, below = refine.wrong_side(self.problem, found, self.scales)
+        pulling, below = self.free.wrong_side(found)
         if below or (pulling and self.options.pushes) or self._is_known(found, doubles.ROOT):
             return False
         if found.closed in self._decided and self._decided[found.closed](found.q):
@@ -264,7 +262,7 @@ class PointSearch:
         if self.problem.is_beyond(found.q, doubles.ZERO):
             self.are_beyond = True
             return False
-        found = continuum.with_own_contacts(self.problem, found, self.scales)
+        found = continuum.with_own_contacts(self.free, found)
         before = self.spent
         is_new = self._add(found)
         if not is_new or self.points[-1].dimension:
@@ -273,15 +271,15 @@ class PointSearch:
 
     def _add(self, found: EquilibriumPoint) -> bool:
         """Keep a point of its own; False for one of a known continuum."""
-        equations = RestEquations(self.problem, found.closed, self.scales)
+        equations = self.free.closing(found.closed)
         x = equations.unknowns(found.q)
         is_tired = self._on_continua > PARAMETERS.budget / PARAMETERS.first
         if self._is_known(found, PARAMETERS.same_of_flat) and continuum.directions(equations, x).size:
             return False
-        nearest, is_exact = _nearest_zero(self.problem, found, self.scales)
+        nearest, is_exact = _nearest_zero(self.free, found)
         if nearest is None or (nearest is not found and self._is_known(nearest, doubles.ROOT)):
             return False
-        typed = _typed_zero(self.problem, nearest, self.scales, self.options.has_potential, is_exact)
+        typed = _typed_zero(self.free, nearest, self.options.has_potential, is_exact)
         if typed is None or (typed.point is not nearest and self._is_known(typed.point, doubles.ROOT)):
             return False
         found, kind, size = typed.point, typed.type, typed.dimension
@@ -302,7 +300,7 @@ class PointSearch:
             q = np.where(np.abs(found.q) <= limit * self.scales.length, 0.0, found.q)
             begun = None if np.array_equal(q, found.q) else equations.begun(q)
             # Not refined: a further step would bring the rounding back.
-            tidy = None if begun is None else refine.settled(equations, begun)
+            tidy = None if begun is None else equations.settled(begun)
             worst = max(found.residual, 4 * doubles.EPS * self.scales.force)
             if isinstance(tidy, EquilibriumPoint) and tidy.residual <= worst:
                 if self._is_known(tidy, doubles.ROOT):
@@ -347,25 +345,21 @@ class PointSearch:
             q[angles] = random.uniform(-np.pi, np.pi, int(angles.sum()))
             if not number:
                 q = np.zeros(problem.n)  # where much is symmetric
-            point = refine.onto(problem, q, (), self.scales)
+            point = refine.onto(self.free, q)
             yield q if point is None else point
 
 
-def typed_point(
-    problem: StaticProblem, found: EquilibriumPoint, scales: Scales, has_potential: bool
-) -> FoundPoint | None:
+def typed_point(equations: RestEquations, found: EquilibriumPoint, has_potential: bool) -> FoundPoint | None:
     """A point with its type, where curvatures vanish to more digits; None where it is none: all is flat because it is
     far away, or forces are below what doubles tell."""
-    nearest, is_exact = _nearest_zero(problem, found, scales)
-    return None if nearest is None else _typed_zero(problem, nearest, scales, has_potential, is_exact)
+    nearest, is_exact = _nearest_zero(equations, found)
+    return None if nearest is None else _typed_zero(equations, nearest, has_potential, is_exact)
 
 
-def _nearest_zero(
-    problem: StaticProblem, found: EquilibriumPoint, scales: Scales
-) -> tuple[EquilibriumPoint | None, bool]:
+def _nearest_zero(equations: RestEquations, found: EquilibriumPoint) -> tuple[EquilibriumPoint | None, bool]:
     """The point that is meant by one that may be degenerate, None where it is none; and whether it is known in many
     digits."""
-    equations = RestEquations(problem, found.closed, scales)
+    equations = equations.closing(found.closed)
     x = equations.unknowns(found.q)
     is_rounding = equations.rounding(x) > doubles.ZERO
     if not is_rounding and not precise_zeros.is_doubtful(equations, x):
@@ -380,40 +374,40 @@ def _nearest_zero(
         return found, False
     if equations(zero) is None:
         return None, True  # sin(x)/x has no value at 0, and beside it a zero of its slope in rounding alone
-    again = refine.settled(equations, zero)
+    again = equations.settled(zero)
     return (None if isinstance(again, NoEquilibrium) else again), True
 
 
 def _typed_zero(
-    problem: StaticProblem, found: EquilibriumPoint, scales: Scales, has_potential: bool, is_exact: bool
+    equations: RestEquations, found: EquilibriumPoint, has_potential: bool, is_exact: bool
 ) -> FoundPoint | None:
+    problem = equations.problem
     if not problem.has_value(found.q):
         return None
-    equations = RestEquations(problem, found.closed, scales)
+    equations = equations.closing(found.closed)
     x = equations.unknowns(found.q)
     along = continuum.tangent(equations, x)
     beside = continuum.beside_crossing(equations, x) if along.size else x
     if beside is x:
-        kind, moved = point_type.classify(problem, found, scales, has_potential, along, is_exact)
+        kind, moved = point_type.classify(equations, found, has_potential, along, is_exact)
     else:  # which has the type of its branches, whose directions a crossing has together
         moved, own = found, continuum.tangent(equations, beside)
-        other = refine.settled(equations, beside)
+        other = equations.settled(beside)
         if isinstance(other, NoEquilibrium):
             return None
-        kind, _ = point_type.classify(problem, other, scales, has_potential, own)
+        kind, _ = point_type.classify(equations, other, has_potential, own)
     if moved.q is not found.q:
         x = equations.unknowns(moved.q)
-        again = refine.settled(equations, x)
+        again = equations.settled(x)
         if isinstance(again, NoEquilibrium):
             return None
         found = again
     flat = continuum.directions(equations, x)
     if not kind.is_regular and (kind.kind == "degenerate" or flat.size):
         way = np.abs(found.q - problem.begin).max(initial=0.0)
-        if way > rest_equations.FAR * scales.length:
-            return None
-        exact = flat_directions.balanced(problem, found, scales, flat)
+        is_far = way > rest_equations.FAR * equations.scales.length
+        exact = None if is_far else flat_directions.balanced(equations, found, flat)
         if exact is None:
             return None
-        found = dataclasses.replace(found, q=exact[0], lam=exact[1])
-    return FoundPoint(found, kind, along.shape[1], refine.touching(problem, found, scales))
+        found = exact
+    return FoundPoint(found, kind, along.shape[1], equations.touching(found))

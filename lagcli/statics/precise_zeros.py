@@ -51,7 +51,7 @@ def is_known(equations: RestEquations, x: Floats) -> bool:
     no t and no function that is not known in them."""
     if len(equations.problem.times) > 1 or x.size > 12 or equations.closed is None:
         return False
-    return _has_digits(equations.precise_program)
+    return _has_digits(equations.problem.precise_program(tuple(equations.contacts)))
 
 
 def _has_digits(program: Program) -> bool:
@@ -69,7 +69,7 @@ def nearest(equations: RestEquations, x: Floats) -> Floats | None:
         return None
     problem = equations.problem
     n, length = problem.n, equations.scales.length
-    found = _approached(problem, equations.precise_program, x, length)
+    found = _approached(problem, equations.problem.precise_program(tuple(equations.contacts)), x, length)
     if found is None:
         return None
     # What is below the rounding of lengths is zero.
@@ -122,7 +122,14 @@ def led_to(equations: RestEquations, x: Floats) -> Floats | None:
     doubles see no force where no zero is near."""
     with decimal.localcontext(SIGNS):
         length = equations.scales.length
-        at = _AtPoint(equations.problem, equations.precise_program, x, length, _rounding(), math.inf)
+        at = _AtPoint(
+            equations.problem,
+            equations.problem.precise_program(tuple(equations.contacts)),
+            x,
+            length,
+            _rounding(),
+            math.inf,
+        )
         begun = at(at.begun)
         if begun is None or begun.distance <= LENGTHS.near:
             return x
@@ -136,7 +143,11 @@ def signs(equations: RestEquations, x: Floats) -> tuple[int, int, int] | None:
     where a number of the equations is not exact: a curvature might be its rounding."""
     if not is_known(equations, x):
         return None
-    n, problem, steps = equations.problem.n, equations.problem, equations.precise_program.steps
+    n, problem, steps = (
+        equations.problem.n,
+        equations.problem,
+        equations.problem.precise_program(tuple(equations.contacts)).steps,
+    )
     try:
         for value in (problem.t, *problem.p.tolist(), *(step[-1] for step in steps if step[0] == "const")):
             polynomial_equations.exact(value)
@@ -144,7 +155,9 @@ def signs(equations: RestEquations, x: Floats) -> tuple[int, int, int] | None:
         return None
     with decimal.localcontext(SIGNS):
         length = equations.scales.length
-        at = _AtPoint(problem, equations.precise_program, x, length, _rounding())
+        at = _AtPoint(
+            problem, equations.problem.precise_program(tuple(equations.contacts)), x, length, _rounding()
+        )
         end = surface.approach(at, at.begun)
         there = at(end.x) if end is not None and end.is_met else None
         if there is None:

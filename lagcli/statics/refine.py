@@ -13,7 +13,6 @@ the residual is multiplied by prod (1 + 1/d_i^2), d_i the distance of q to a kno
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
@@ -24,32 +23,13 @@ from lagcli.linear import decompositions, rank, surface
 from lagcli.linear.surface import NewtonEnd
 from lagcli.start import configuration_search
 from lagcli.statics import rest_equations, static_problem
-from lagcli.statics.rest_equations import LENGTHS, RestEquations, Scales
+from lagcli.statics.rest_equations import LENGTHS, EquilibriumPoint, NoEquilibrium, RestEquations
 from lagcli.statics.static_problem import StaticProblem
 
 Residual = Callable[[Floats], tuple[Floats, Floats] | None]
 OFFSETS = configuration_search.PARAMETERS.offsets
 # What a point of a path may be off it.
 OFF = 100 * doubles.ZERO
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class EquilibriumPoint:
-    """A point of rest: q (n,), lambda of all rows at the start time (C + K,), the closed contacts by their numbers, and
-    the largest |F + B^T lambda|, |c|, |g of a closed contact|."""
-
-    q: Floats
-    lam: Floats
-    closed: tuple[int, ...]
-    residual: float
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class NoEquilibrium:
-    """No point was found; the least residual, and where it is."""
-
-    residual: float
-    q: Floats
 
 
 def solve(residual: Residual, x: Floats, damped: int = 200) -> NewtonEnd | None:
@@ -60,18 +40,18 @@ def solve(residual: Residual, x: Floats, damped: int = 200) -> NewtonEnd | None:
         return None
     with np.errstate(over="ignore", invalid="ignore"):
         # Newton's steps double the digits from there.
-        x, r, J = _lowered(residual, x, begun, damped, doubles.ROOT)
+        x, r, J = lowered(residual, x, begun, damped, doubles.ROOT)
         end, left = refined(residual, x), np.linalg.norm(r)
         # A double zero is as far as the root of the residual: what seems farther is so by rounding alone.
         if 2 * end.distance > left and end.moved**2 > doubles.ROOT >= left:
             # Beside a continuum gradients are dependent but for the distance, and the shortest step goes far along it.
-            x, r, _ = _lowered(residual, x, (r, J), damped, 0.0)
+            x, r, _ = lowered(residual, x, (r, J), damped, 0.0)
             again = refined(residual, x)
             end = min(end, again, key=lambda each: each.distance)
         return end
 
 
-def _lowered(
+def lowered(
     residual: Residual, x: Floats, begun: tuple[Floats, Floats], damped: int, near: float
 ) -> tuple[Floats, Floats, Floats]:
     """The point that damped steps lead to, as far as a residual is near, with this and its gradient."""
@@ -147,54 +127,32 @@ def nearest_equilibrium(
 
     Contacts push: 0 <= lambda, 0 <= g, and one of them is zero.
     """
-    scales = rest_equations.scales(problem, begin)
+    free = RestEquations(problem, (), rest_equations.scales(problem, begin))
     random = np.random.default_rng(20061)
     best = NoEquilibrium(np.inf, begin)
     for part in (0.0, *asides):
-        point = begin + part * scales.length * random.standard_normal(begin.size)
-        found = pushed(problem, point, scales) if problem.K else reached(problem, point, (), scales)
+        point = begin + part * free.scales.length * random.standard_normal(begin.size)
+        found = pushed(free, point) if problem.K else reached(free, point)
         if isinstance(found, EquilibriumPoint):
             return found
         best = min(best, found, key=lambda one: one.residual)
     return best
 
 
-def reached(
-    problem: StaticProblem, begin: Floats, closed: tuple[int, ...], scales: Scales
-) -> EquilibriumPoint | NoEquilibrium:
-    """The point that a configuration leads to with these contacts closed, whatever the signs of lambda and g."""
-    equations = RestEquations(problem, closed, scales)
+def reached(equations: RestEquations, begin: Floats) -> EquilibriumPoint | NoEquilibrium:
+    """The point that a configuration leads to, whatever the signs of lambda and g."""
     x = equations.begun(begin)
     found = None if x is None else solve(equations, x)
-    return NoEquilibrium(np.inf, begin) if found is None else settled(equations, found.x, found.moved)
+    return NoEquilibrium(np.inf, begin) if found is None else equations.settled(found.x, found.moved)
 
 
-def settled(equations: RestEquations, x: Floats, step: float = 0.0) -> EquilibriumPoint | NoEquilibrium:
-    """The point where a search ended with a step, if it is one; without a step the point as it is given."""
-    problem, scales, contacts = equations.problem, equations.scales, equations.contacts
-    q, each = equations.split(x)
-    lam = equations.all_multipliers(each[0])
-    values = problem.at(problem.t, q, lam)
-    parts = [values.F + values.rows(contacts).T @ each[0], values.c, values.g[contacts]]
-    residual = float(max(np.abs(part).max(initial=0.0) for part in parts))
-    is_point = step <= rest_equations.SETTLED and equations.unbalanced(x) <= doubles.ZERO
-    # A point of rest is one at further times too.
-    for t in problem.later if is_point else ():
-        values = problem.at(t, q, problem.nothing)
-        left = decompositions.residual(values.rows(contacts).T, values.F) / scales.force
-        apart = values.c / (scales.conditions * scales.length)
-        is_point &= bool(np.abs(np.concatenate([left, apart])).max(initial=0.0) <= 10 * doubles.ZERO)
-    if is_point:
-        return EquilibriumPoint(q.copy(), lam, tuple(contacts), residual)
-    return NoEquilibrium(residual if np.isfinite(residual) else np.inf, q.copy())
-
-
-def pushed(problem: StaticProblem, begin: Floats, scales: Scales) -> EquilibriumPoint | NoEquilibrium:
-    """The point that a configuration leads to with contacts that push."""
+def pushed(free: RestEquations, begin: Floats) -> EquilibriumPoint | NoEquilibrium:
+    """The point that a configuration leads to with contacts that push; `free`: the equations without contacts."""
+    problem, scales = free.problem, free.scales
     near = np.flatnonzero(problem.at(problem.t, begin, problem.nothing).g <= scales.touch)
     guesses = [(begin, tuple(near.tolist())), (begin, ())]
     # First the end of a search with all contacts, and those that are closed there
-    equations = RestEquations(problem, None, scales)
+    equations = free.closing(None)
     x = equations.begun(begin)
     end = None if x is None else solve(equations, x)
     if end is not None:
@@ -207,44 +165,28 @@ def pushed(problem: StaticProblem, begin: Floats, scales: Scales) -> Equilibrium
         tried: set[tuple[int, ...]] = set()
         while closed not in tried and len(tried) < 12:
             tried.add(closed)
-            found = reached(problem, point, closed, scales)
+            found = reached(free.closing(closed), point)
             if isinstance(found, NoEquilibrium):
                 best = found if found.residual < best.residual else best
                 break
-            pulling, below = wrong_side(problem, found, scales)
+            pulling, below = free.wrong_side(found)
             if not pulling and not below:
                 return found
             point, closed = found.q, tuple(sorted((set(closed) - pulling) | below))
     return best
 
 
-def wrong_side(problem: StaticProblem, point: EquilibriumPoint, scales: Scales) -> tuple[set[int], set[int]]:
-    """The contacts that pull at a point, and the open ones behind whose surface it lies."""
-    values = problem.at(problem.t, point.q, point.lam)
-    lam = point.lam[problem.C :]
-    pulling = {k for k in point.closed if lam[k] * scales.contacts[k] < -doubles.ZERO * scales.force}
-    below = set(np.flatnonzero(~(values.g >= -scales.touch)).tolist()) - set(point.closed)
-    return pulling, below
-
-
-def touching(problem: StaticProblem, found: EquilibriumPoint, scales: Scales) -> tuple[int, ...]:
-    """The contacts that touch at a point, those that carry nothing included."""
-    near = np.flatnonzero(problem.at(problem.t, found.q, found.lam).g <= scales.touch)
-    return tuple(sorted({*found.closed, *near.tolist()}))
-
-
 # Downhill, along paths, and without the zeros that are known
 
 
-def onto(problem: StaticProblem, q: Floats, closed: Sequence[int], scales: Scales) -> Floats | None:
-    """The configuration near q that satisfies the conditions; None where none is met."""
-    contacts = list(closed)
+def onto(equations: RestEquations, q: Floats) -> Floats | None:
+    """The configuration near q that satisfies the conditions and is on closed contacts; None where none is met."""
+    problem, scales, contacts = equations.problem, equations.scales, equations.contacts
     if not problem.laws.c.numel() and not contacts:
         return q
     units = np.concatenate([scales.conditions, scales.contacts[contacts]])
 
     def conditions(q: Floats) -> tuple[Floats, Floats] | None:
-        """The residual of the conditions alone, and of closed contacts, and its gradient."""
         each = [problem.at(t, q, problem.nothing) for t in problem.times]
         r = np.concatenate([np.concatenate([at.c, at.g[contacts]]) / units for at in each])
         J = np.vstack([np.vstack([at.dc, at.G[contacts]]) / units[:, None] for at in each])
@@ -257,21 +199,36 @@ def onto(problem: StaticProblem, q: Floats, closed: Sequence[int], scales: Scale
 def lowest(equations: RestEquations, q: Floats, sign: float) -> Floats | None:
     """A configuration near the bottom (sign 1) or the top (-1) that lies downhill or uphill of q; None where the
     surface is not met."""
-    problem, scales, closed = equations.problem, equations.scales, equations.contacts
-    point = onto(problem, q, closed, scales)
+    problem, scales = equations.problem, equations.scales
+    point = onto(equations, q)
     if point is None:
         return None
     height = sign * problem.value(point)
     for _ in range(80):
-        step, slope = _downhill(equations, point, sign)
+        # Newton's step along the surface with all curvatures taken as positive, and the fall it promises
+        each = equations.multipliers(point)
+        values = None if each is None else problem.at(problem.t, point, equations.all_multipliers(each[0]))
         if float(np.abs(point).max(initial=0.0)) > rest_equations.FAR * scales.length:
             return None
-        if step is None or slope <= rest_equations.SETTLED * scales.force * scales.length:
+        if values is None or not values.finite:
+            break
+        Z = rank.null_basis(decompositions.unit(values.rows(equations.contacts)))
+        if not Z.shape[1]:
+            break
+        H = -sign * Z.T @ values.K @ Z
+        curvatures, axes = np.linalg.eigh((H + H.T) / 2)
+        least = rest_equations.FLAT * max(np.abs(curvatures).max(), scales.force / scales.length)
+        downhill = axes.T @ (sign * Z.T @ values.F)
+        # One axis that is nearly flat must not shorten the step along all others.
+        longest = 0.5 * scales.length
+        along = np.clip(downhill / np.maximum(np.abs(curvatures), least), -longest, longest)
+        step, slope = Z @ (axes @ along), float(downhill @ along)
+        if slope <= rest_equations.SETTLED * scales.force * scales.length:
             break
         length = float(np.linalg.norm(step))
-        part = min(1.0, 0.5 * scales.length / length) if length else 1.0
+        part = min(1.0, longest / length) if length else 1.0
         for _ in range(12):
-            there = onto(problem, point + part * step, closed, scales)
+            there = onto(equations, point + part * step)
             lower = np.inf if there is None else sign * problem.value(there)
             # By a part of its slope (Armijo)
             if there is not None and lower < height - 100 * doubles.ROOT * part * slope:
@@ -283,32 +240,10 @@ def lowest(equations: RestEquations, q: Floats, sign: float) -> Floats | None:
     return point
 
 
-def _downhill(equations: RestEquations, q: Floats, sign: float) -> tuple[Floats | None, float]:
-    """Newton's step along the surface with all curvatures taken as positive, and the fall it promises."""
-    problem, length = equations.problem, equations.scales.length
-    each = equations.multipliers(q)
-    if each is None:
-        return None, 0.0
-    values = problem.at(problem.t, q, equations.all_multipliers(each[0]))
-    if not values.finite:
-        return None, 0.0
-    Z = rank.null_basis(decompositions.unit(values.rows(equations.contacts)))
-    if not Z.shape[1]:
-        return None, 0.0
-    H = -sign * Z.T @ values.K @ Z
-    curvatures, axes = np.linalg.eigh((H + H.T) / 2)
-    least = rest_equations.FLAT * max(np.abs(curvatures).max(), equations.scales.force / length)
-    downhill = axes.T @ (sign * Z.T @ values.F)
-    # One axis that is nearly flat must not shorten the step along all others.
-    longest = 0.5 * length
-    along = np.clip(downhill / np.maximum(np.abs(curvatures), least), -longest, longest)
-    return Z @ (axes @ along), float(downhill @ along)
-
-
 def near_zeros(equations: RestEquations, x: Floats) -> Iterator[Floats]:
     """Points next to zeros of the equations, on both ways of the path through x.
 
-    None where the equations are not as many as the unknowns, or x is a zero itself.
+    None are given where the equations are not as many as the unknowns, or x is a zero itself.
     """
     found = equations(x)
     if found is None or found[1].shape[0] != found[1].shape[1] or np.linalg.norm(found[0]) <= OFF:
@@ -326,40 +261,35 @@ def near_zeros(equations: RestEquations, x: Floats) -> Iterator[Floats]:
         F, J = found
         return F - z[-1] * first, np.column_stack([J * units, -first])
 
+    # On each way a step along the tangent, then the shortest Newton steps back; s changes its sign next to a zero.
     for sense in (1.0, -1.0):
-        for z in _crossings(path, np.append(x / units, 1.0), sense):
-            yield z[:-1] * units
-
-
-def _crossings(path: Residual, z: Floats, sense: float) -> Iterator[Floats]:
-    """The points z = (.., s) at which s changes its sign on one way of a path: a step along the tangent, then the
-    shortest Newton steps back onto it."""
-    begun = path(z)
-    if begun is None:
-        return
-    along, length = sense * decompositions.axes(begun[1])[1][-1], LENGTHS.stride / 6
-    for _ in range(160):
-        there, values = z + length * along, path(z + length * along)
-        for _ in range(4):
-            if values is None or np.linalg.norm(values[0]) <= OFF:
-                break
-            there = there - decompositions.least_squares(values[1], values[0])
-            values = path(there)
-        is_met = values is not None and np.linalg.norm(values[0]) <= OFF
-        turned = decompositions.axes(values[1])[1][-1] if values is not None and is_met else 0 * along
-        # A step that turns by more than an eighth of a turn may have come onto another path.
-        if turned @ along < 0:
-            turned = -turned
-        if turned @ along < np.cos(np.pi / 4):
-            length /= 3
-            if length < rest_equations.SETTLED:
-                return
-            continue
-        if (z[-1] > 0) != (there[-1] > 0):
-            yield z + z[-1] / (z[-1] - there[-1]) * (there - z)
-        z, along, length = there, turned, min(1.6 * length, LENGTHS.stride)
-        if np.abs(z).max() > 100 * LENGTHS.stride:
+        z = np.append(x / units, 1.0)
+        begun = path(z)
+        if begun is None:
             return
+        along, length = sense * decompositions.axes(begun[1])[1][-1], LENGTHS.stride / 6
+        for _ in range(160):
+            there, values = z + length * along, path(z + length * along)
+            for _ in range(4):
+                if values is None or np.linalg.norm(values[0]) <= OFF:
+                    break
+                there = there - decompositions.least_squares(values[1], values[0])
+                values = path(there)
+            is_met = values is not None and np.linalg.norm(values[0]) <= OFF
+            turned = decompositions.axes(values[1])[1][-1] if values is not None and is_met else 0 * along
+            # A step that turns by more than an eighth of a turn may have come onto another path.
+            if turned @ along < 0:
+                turned = -turned
+            if turned @ along < np.cos(np.pi / 4):
+                length /= 3
+                if length < rest_equations.SETTLED:
+                    break
+                continue
+            if (z[-1] > 0) != (there[-1] > 0):
+                yield (z + z[-1] / (z[-1] - there[-1]) * (there - z))[:-1] * units
+            z, along, length = there, turned, min(1.6 * length, LENGTHS.stride)
+            if np.abs(z).max() > 100 * LENGTHS.stride:
+                break
 
 
 def deflated(equations: RestEquations, known: Sequence[Floats], angles: Sequence[bool]) -> Residual:

@@ -15,7 +15,6 @@ import numpy as np
 
 from lagcli import doubles
 from lagcli.arrays import Floats
-from lagcli.compiled.program import Program
 from lagcli.equations.power_series import PowerSeries, UnderflowError, constant
 from lagcli.errors import diagnostics
 from lagcli.linear import decompositions
@@ -70,6 +69,25 @@ class Scales:
         return np.asarray(doubles.ZERO * self.contacts * self.length)
 
 
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class EquilibriumPoint:
+    """A point of rest: q (n,), lambda of all rows at the start time (C + K,), the closed contacts by their numbers, and
+    the largest |F + B^T lambda|, |c|, |g of a closed contact|."""
+
+    q: Floats
+    lam: Floats
+    closed: tuple[int, ...]
+    residual: float
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class NoEquilibrium:
+    """No point was found; the least residual, and where it is."""
+
+    residual: float
+    q: Floats
+
+
 class RestEquations:
     """The equations with some contacts closed, or, where `closed` is None, with 0 <= lambda complementary to g >= 0.
 
@@ -82,12 +100,9 @@ class RestEquations:
         self.rows = problem.C + len(self.contacts)
         self.size = problem.n + self.rows * len(problem.times)
 
-    @property
-    def precise_program(self) -> Program:
-        """The equations with their gradient, as they are computed in many digits; not where contacts are not told
-        apart."""
-        assert self.closed is not None
-        return self.problem.precise_program(self.closed)
+    def closing(self, closed: tuple[int, ...] | None) -> RestEquations:
+        """The same with other contacts closed."""
+        return RestEquations(self.problem, closed, self.scales)
 
     def all_multipliers(self, multipliers: Floats) -> Floats:
         """lambda of all rows (C + K,) from those of the rows that act."""
@@ -97,6 +112,15 @@ class RestEquations:
         """q, and lambda of the rows that act at each time."""
         n, m = self.problem.n, self.rows
         return x[:n], [x[n + k * m : n + (k + 1) * m] for k in range(len(self.problem.times))]
+
+    def of_point(self, point: EquilibriumPoint) -> Floats:
+        """q and lambda of the rows that act at a point, at the start time."""
+        return np.concatenate([point.q, point.lam[self.problem.acting(self.contacts)]])
+
+    def placed(self, point: EquilibriumPoint, x: Floats) -> EquilibriumPoint:
+        """The point with these q and lambda."""
+        n = self.problem.n
+        return dataclasses.replace(point, q=x[:n], lam=self.all_multipliers(x[n : n + self.rows]))
 
     def __call__(self, x: Floats) -> tuple[Floats, Floats] | None:
         """The residual and its gradient; None where a value is not finite."""
@@ -156,6 +180,37 @@ class RestEquations:
         x = self.begun(q)
         assert x is not None
         return x
+
+    def settled(self, x: Floats, step: float = 0.0) -> EquilibriumPoint | NoEquilibrium:
+        """The point where a search ended with a step, if it is one; without a step the point as it is given."""
+        problem, contacts = self.problem, self.contacts
+        q, each = self.split(x)
+        lam = self.all_multipliers(each[0])
+        values = problem.at(problem.t, q, lam)
+        parts = [values.F + values.rows(contacts).T @ each[0], values.c, values.g[contacts]]
+        residual = float(max(np.abs(part).max(initial=0.0) for part in parts))
+        is_point = step <= SETTLED and self.unbalanced(x) <= doubles.ZERO
+        # A point of rest is one at further times too.
+        for t in problem.later if is_point else ():
+            values = problem.at(t, q, problem.nothing)
+            left = decompositions.residual(values.rows(contacts).T, values.F) / self.scales.force
+            apart = values.c / (self.scales.conditions * self.scales.length)
+            is_point &= bool(np.abs(np.concatenate([left, apart])).max(initial=0.0) <= 10 * doubles.ZERO)
+        if is_point:
+            return EquilibriumPoint(q.copy(), lam, tuple(contacts), residual)
+        return NoEquilibrium(residual if np.isfinite(residual) else np.inf, q.copy())
+
+    def touching(self, point: EquilibriumPoint) -> tuple[int, ...]:
+        """The contacts that touch at a point, those that carry nothing included."""
+        near = np.flatnonzero(self.problem.at(self.problem.t, point.q, point.lam).g <= self.scales.touch)
+        return tuple(sorted({*point.closed, *near.tolist()}))
+
+    def wrong_side(self, point: EquilibriumPoint) -> tuple[set[int], set[int]]:
+        """The contacts that pull at a point, and the open ones behind whose surface it lies."""
+        g, scales = self.problem.at(self.problem.t, point.q, point.lam).g, self.scales
+        lam, least = point.lam[self.problem.C :], -doubles.ZERO * scales.force
+        pulling = {k for k in point.closed if lam[k] * scales.contacts[k] < least}
+        return pulling, set(np.flatnonzero(~(g >= -scales.touch)).tolist()) - set(point.closed)
 
     def unbalanced(self, x: Floats) -> float:
         """The largest residual as a part of the terms that make it up: forces and conditions."""

@@ -171,8 +171,22 @@ class StaticProblem:
         self._precise: dict[tuple[int, ...], Program] = {}
         self.times: tuple[float, ...] = (self.t,)
         self.later: tuple[float, ...] = ()
+        everything = _stacked([laws.F, laws.B, laws.c, laws.g, laws.G])
+        if not ca.depends_on(everything, laws.t):
+            return
+        # Is it so at random points round the start?
         times = [self.t + part * (duration or 1.0) for part in decompositions.generic_parts(8)]
-        if not self._is_steady(times):
+        function = SizedFunction("parts", [laws.t, laws.q, laws.p], [everything])
+        random, is_steady = np.random.default_rng(0), True
+        size = float(np.abs(self.begin).max(initial=0.0)) or 1.0
+        for part in (0.0, 0.1, 1.0):
+            q = self.begin + part * size * random.standard_normal(self.n)
+            first, *others = (function(t, q, self.p).full() for t in (self.t, *times))
+            for other in others:
+                both = np.isfinite(first) & np.isfinite(other)
+                least = doubles.VALUE * max(np.abs(first[both]).max(initial=0.0), doubles.TINY)
+                is_steady &= not (np.abs(other - first)[both] > least).any()
+        if not is_steady:
             # Every third together with the start; the others again when a point is found.
             self.times = (self.t, *times[3::3])
             self.later = tuple(t for t in times if t not in self.times)
@@ -306,8 +320,7 @@ class StaticProblem:
 
     def contact_sets(self) -> Iterator[tuple[int, ...]]:
         """All sets of contacts, the small ones first."""
-        for size in range(self.K + 1):
-            yield from itertools.combinations(range(self.K), size)
+        return subsets(range(self.K))
 
     def acting(self, closed: Sequence[int]) -> list[int]:
         """The places in lambda of the equality rows and of closed contacts."""
@@ -319,53 +332,32 @@ class StaticProblem:
         lam[self.acting(closed)] = multipliers
         return lam
 
-    def _is_steady(self, later: Sequence[float]) -> bool:
-        """True if no value depends on t, at random points round the start."""
-        laws = self.laws
-        everything = _stacked([laws.F, laws.B, laws.c, laws.g, laws.G])
-        if not ca.depends_on(everything, laws.t):
-            return True
-        function = SizedFunction("parts", [laws.t, laws.q, laws.p], [everything])
-        random = np.random.default_rng(0)
-        size = float(np.abs(self.begin).max(initial=0.0)) or 1.0
-        for part in (0.0, 0.1, 1.0):
-            q = self.begin + part * size * random.standard_normal(self.n)
-            first = function(self.t, q, self.p).full()
-            for t in later:
-                other = function(t, q, self.p).full()
-                both = np.isfinite(first) & np.isfinite(other)
-                largest = np.abs(first[both]).max(initial=0.0)
-                if (np.abs(other - first)[both] > doubles.VALUE * max(largest, doubles.TINY)).any():
-                    return False
-        return True
+
+def subsets(of: Sequence[int]) -> Iterator[tuple[int, ...]]:
+    """All sets of some numbers, the small ones first."""
+    return itertools.chain.from_iterable(itertools.combinations(of, size) for size in range(len(of) + 1))
 
 
 def _stacked(parts: Sequence[ca.SX]) -> ca.SX:
     return ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts))
 
 
-def angles(problem: StaticProblem) -> tuple[bool, ...]:
-    """For each of the n coordinates, whether the equations have the period 2 pi in it, by their form."""
+def angles(problem: StaticProblem, positions: ca.SX) -> tuple[tuple[bool, ...], tuple[bool, ...]]:
+    """For each of the n coordinates, whether the equations have the period 2 pi in it, by their form; and whether the
+    function or positions have not: x - 2 sin x is stationary at pi/3 and at pi/3 + 2 pi, which are two points."""
     laws = problem.laws
     equations = problem.of_place(laws.F, laws.B, laws.c, laws.g, laws.G)
     if not any(name in WAVES for name, *_ in equations.steps):
-        return (False,) * problem.n
+        return (False,) * problem.n, (False,) * problem.n
     occurring = {ins[1] for name, _, ins, _ in equations.steps if name == "input" and ins[0] == 0}
-    return tuple(k in occurring and _is_periodic(equations, k) for k in range(problem.n))
-
-
-def repeating(problem: StaticProblem, positions: ca.SX) -> tuple[bool, ...]:
-    """For each coordinate, whether it is an angle to the equations and not to the function or to positions: x - 2 sin x
-    is stationary at pi/3 and at pi/3 + 2 pi, which are two points."""
-    shown = problem.of_place(problem.laws.value, positions)
-    return tuple(is_angle and not _is_periodic(shown, k) for k, is_angle in enumerate(angles(problem)))
+    found = tuple(k in occurring and _is_periodic(equations, k) for k in range(problem.n))
+    shown = problem.of_place(laws.value, positions)
+    return found, tuple(is_angle and not _is_periodic(shown, k) for k, is_angle in enumerate(found))
 
 
 def _is_periodic(program: Program, index: int) -> bool:
     """True if every output stays the same when one input grows by 2 pi."""
-    grows: dict[
-        int, float
-    ] = {}  # for each register the number of times by which its value grows with the input
+    grows: dict[int, float] = {}  # how many times the value of a register grows with the input
     constants: dict[int, float] = {}
     for name, out, ins, value in program.steps:
         given = [] if name in ("input", "const") else [grows[i] for i in ins]

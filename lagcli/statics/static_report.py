@@ -200,28 +200,19 @@ def potential(problem: StaticProblem, source: Origin, q: Floats) -> float | None
     return declared - work if np.isfinite(work) and error <= 1e-9 * max(1.0, abs(work)) else None
 
 
+def in_metric(rows: Floats, M: Floats) -> Floats:
+    """Rows (C, n) whose lengths and angles are those of the mass metric; the plain one where M is singular."""
+    try:
+        return np.asarray(np.linalg.solve(np.linalg.cholesky((M + M.T) / 2), rows.T).T)
+    except np.linalg.LinAlgError:
+        return rows
+
+
 def pushing_multipliers(rows: Floats, lam: Floats, M: Floats, equalities: int) -> tuple[Floats, bool]:
     """lambda (C,) with the same rows^T lambda, no less than 0 after the first `equalities`, of least norm in the mass
     metric, and whether it is the only one: the same as in a run. rows (C, n), M (n, n)."""
-    try:
-        white = np.linalg.solve(np.linalg.cholesky((M + M.T) / 2), rows.T).T
-    except np.linalg.LinAlgError:
-        white = rows
+    white = in_metric(rows, M)
     size = np.linalg.norm(white, axis=1)
     unit = np.asarray(white / np.where(size > 0, size, 1.0)[:, None])
     shared, same = complementarity.shared(unit, lam * size, equalities)
     return np.asarray(np.divide(shared, size, out=np.zeros_like(lam), where=size > 0)), bool(same.all())
-
-
-def row_lengths(rows: Floats, M: Floats) -> Floats:
-    """sqrt(B_i M^-1 B_i^T) of rows (C, n), by the plain metric where M is singular."""
-    if not len(rows):
-        return np.zeros(0)
-    try:
-        solved = np.linalg.solve(M, rows.T)
-    except np.linalg.LinAlgError:
-        solved = rows.T
-    squares = np.einsum("ij,ji->i", rows, solved)
-    if not np.isfinite(squares).all() or (squares < 0).any():
-        squares = np.einsum("ij,ij->i", rows, rows)
-    return np.asarray(np.sqrt(squares))

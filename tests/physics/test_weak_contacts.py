@@ -83,14 +83,19 @@ def test_extremes_on_a_cone_are_those_of_many_directions(seed: int) -> None:
     random = np.random.default_rng(seed)
     H = random.standard_normal((3, 3))
     H, G = H + H.T, random.standard_normal((2 + seed % 3, 3))
-    found = point_type.extremes(H, G)
+
+    def kind_less(part: float) -> str:
+        """The kind of u^T H u - part, for u of length one."""
+        return point_type.kind_on_cone(H - part * np.eye(3), G, (0, 0), (False, False))[0]
+
     u = random.standard_normal((3, 20_000))
     for part in (1.0, 0.1, 0.01, 1e-3, 1e-4):  # nearer and nearer to the best there are
         u = (u / np.linalg.norm(u, axis=0))[:, (G @ u >= 0).all(axis=0)]
         values = np.einsum("ij,ik,kj->j", u, H, u)
-        if found is None:
-            assert not values.size
+        if not values.size:
+            assert kind_less(0.0) == "isolated"
             return
         best = u[:, [int(values.argmin()), int(values.argmax())]]
         u = np.hstack([best, *(one[:, None] + part * random.standard_normal((3, 20_000)) for one in best.T)])
-    np.testing.assert_allclose(found, [values.min(), values.max()], atol=1e-3)
+    assert [kind_less(values.min() + off) for off in (-1e-3, 1e-3)] == ["minimum", "saddle"]
+    assert [kind_less(values.max() + off) for off in (-1e-3, 1e-3)] == ["saddle", "maximum"]

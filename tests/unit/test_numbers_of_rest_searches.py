@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from mpmath import iv
 
+import lagcli
 from lagcli import doubles
 from lagcli.statics import (
     all_zeros,
@@ -22,8 +23,7 @@ from lagcli.statics import (
 from lagcli.statics.continuum import FoundPoint
 from lagcli.statics.point_search import PointSearch, SearchOptions
 from lagcli.statics.point_type import PointType
-from lagcli.statics.refine import EquilibriumPoint
-from lagcli.statics.rest_equations import Scales
+from lagcli.statics.rest_equations import EquilibriumPoint, RestEquations, Scales
 
 
 class Shrinking:
@@ -62,7 +62,7 @@ def fake_equations(problem=None, **more):
 
 def test_damped_steps_end_where_newton_takes_over():
     halved = Shrinking(0.5)
-    refine._lowered(halved, np.zeros(1), halved(None), 200, doubles.ROOT)
+    refine.lowered(halved, np.zeros(1), halved(None), 200, doubles.ROOT)
     assert halved.calls == 1 + 20  # 2**-20 is the root of what a value is known to
 
 
@@ -74,7 +74,7 @@ def test_a_slope_of_rounding_is_the_bottom_of_a_valley():
             calls.append(x)
             return np.array([1.0, slope - x[0]]), np.array([[0.0], [-1.0]])
 
-        refine._lowered(valley, np.zeros(1), valley(np.zeros(1)), 1, doubles.ROOT)
+        refine.lowered(valley, np.zeros(1), valley(np.zeros(1)), 1, doubles.ROOT)
         assert len(calls) == 1 + steps
 
 
@@ -103,14 +103,14 @@ def test_a_continuum_is_told_by_a_step_of_a_hundredth(along_x):
 
 @pytest.mark.parametrize(("left", "is_one"), [(3e-7, True), (3e-6, False)])
 def test_a_walk_has_arrived_where_a_millionth_is_left(left, is_one, monkeypatch):
-    monkeypatch.setattr(continuum, "_is_straight", lambda *_: False)
+    monkeypatch.setattr(continuum, "is_straight", lambda *_: False)
     monkeypatch.setattr(continuum, "directions", lambda *_: np.eye(1))
     monkeypatch.setattr(continuum, "stepped", lambda *_: None)
     assert continuum.connected(fake_equations(), np.zeros(1), np.array([left]), 1) is is_one
 
 
 def test_points_at_equal_distances_are_no_straight_continuum(along_x, monkeypatch):
-    assert continuum._is_straight(fake_equations(), np.zeros(1), np.ones(1))
+    assert continuum.is_straight(fake_equations(), np.zeros(1), np.ones(1))
     assert len(along_x.lengths) == 8
     assert max(along_x.lengths) == 1.0
     for count in range(1, 11):
@@ -119,7 +119,7 @@ def test_points_at_equal_distances_are_no_straight_continuum(along_x, monkeypatc
             return x + change if abs(math.sin(math.pi * count * change[0])) < 1e-3 else None
 
         monkeypatch.setattr(continuum, "stepped", stepped)
-        assert not continuum._is_straight(fake_equations(), np.zeros(1), np.ones(1))
+        assert not continuum.is_straight(fake_equations(), np.zeros(1), np.ones(1))
 
 
 # Further zeros
@@ -159,7 +159,7 @@ def test_a_point_is_settled_and_balanced(step, left, is_point):
         all_multipliers=lambda each: each,
         unbalanced=lambda x: left,
     )
-    found = refine.settled(equations, np.zeros(1), step)
+    found = RestEquations.settled(equations, np.zeros(1), step)
     assert isinstance(found, EquilibriumPoint) is is_point
 
 
@@ -167,7 +167,7 @@ def test_a_point_is_settled_and_balanced(step, left, is_point):
 def test_a_contact_is_closed_to_nine_digits(gap, touches):
     problem = fake_problem(K=1, at=lambda *_: SimpleNamespace(g=np.array([gap])))
     point = EquilibriumPoint(np.zeros(1), np.zeros(1), (), 0.0)
-    assert refine.touching(problem, point, scales(contacts=1)) == ((0,) if touches else ())
+    assert RestEquations(problem, (), scales(contacts=1)).touching(point) == ((0,) if touches else ())
 
 
 # The search for all points
@@ -215,45 +215,43 @@ def test_the_first_start_takes_a_quarter_of_the_budget(search_of, monkeypatch):
 # One unknown, by intervals
 
 
-def shells_of(force, search):
-    return all_zeros._pieces(force, search, False)
-
-
 @pytest.mark.parametrize(("zero", "is_found"), [(3e5, True), (3e6, False)])
-def test_all_zeros_of_one_unknown_lie_within_a_million_sizes(zero, is_found, search_of):
-    found = shells_of(lambda x: (x - zero, iv.mpf(1)), search_of())
-    assert bool(found.isolated) is is_found
-    assert bool(found.undecided) is not is_found
+def test_all_zeros_of_one_unknown_lie_within_a_million_sizes(zero, is_found):
+    isolated, undecided = all_zeros.pieces(lambda x: (x - zero, iv.mpf(1)), 1.0, False)
+    assert bool(isolated) is is_found
+    assert bool(undecided) is not is_found
 
 
-def test_an_interval_of_a_turn_overlaps_itself(search_of):
-    pieces = all_zeros._pieces(lambda x: (iv.mpf([-1, 1]), iv.mpf([-1, 1])), search_of(), True).undecided
+def test_an_interval_of_a_turn_overlaps_itself():
+    _, pieces = all_zeros.pieces(lambda x: (iv.mpf([-1, 1]), iv.mpf([-1, 1])), 1.0, True)
     low, high = min(low for low, _ in pieces), max(high for _, high in pieces)
     assert 0 < high - low - 2 * math.pi < 1e-11
 
 
 @pytest.mark.parametrize(("width", "is_known"), [(0.006, True), (0.0035, False)])
-def test_four_thousand_intervals_are_looked_at(width, is_known, search_of):
+def test_four_thousand_intervals_are_looked_at(width, is_known):
     looks = []
 
     def force(x):
         looks.append(x)
         return iv.mpf([1, 2] if x.delta < width else [-1, 1]), iv.mpf([-1, 1])
 
-    found = all_zeros._pieces(force, search_of(), True)
-    assert (not found.undecided) is is_known
+    assert (not all_zeros.pieces(force, 1.0, True)[1]) is is_known
     assert 2000 < len(looks) <= 4000
 
 
-def test_a_double_zero_is_enclosed_to_nine_digits(search_of):
-    found = all_zeros._pieces(lambda x: ((x - 0.3) ** 2, 2 * (x - 0.3)), search_of(), True)
-    width = max(high for _, high in found.undecided) - min(low for low, _ in found.undecided)
+def test_a_double_zero_is_enclosed_to_nine_digits():
+    _, pieces = all_zeros.pieces(lambda x: ((x - 0.3) ** 2, 2 * (x - 0.3)), 1.0, True)
+    width = max(high for _, high in pieces) - min(low for low, _ in pieces)
     assert 3e-10 < width < 3e-9
 
 
 @pytest.mark.parametrize(("count", "is_more"), [(4, False), (5, True)])
 def test_four_undecided_pieces_are_named(count, is_more):
-    told = all_zeros._undecided([(float(k), float(k)) for k in range(count)])
+    """A function with so many poles."""
+    model = lagcli.loads("lagcli: 1\ncoordinates: {x: {value: 7.3}}\nlagrangian: rate(x)**2/2\n")
+    poles = "x**2 + " + " + ".join(f"log(abs(x - {k}))" for k in range(count))
+    told = next(note for note in lagcli.stationary(model, poles, starts=0).notes if "intervals" in note)
     assert told.count("near") == 4
     assert ("elsewhere" in told) is is_more
 
@@ -268,9 +266,8 @@ def kind_of(K, lam=(), closed=(), force=1.0):
     values = SimpleNamespace(B=nothing, G=nothing, K=K, F=np.zeros(n), g=np.zeros(0), rows=lambda _: nothing)
     point = EquilibriumPoint(np.zeros(n), np.array(lam), closed, 0.0)
     problem = fake_problem(n, at=lambda *_: values, times=(0.0, 1.0))
-    return point_type.classify(
-        problem, point, Scales(force, 1.0, np.ones(0), np.ones(0), np.ones(1), np.ones(1)), True
-    )[0].kind
+    units = Scales(force, 1.0, np.ones(0), np.ones(0), np.ones(1), np.ones(1))
+    return point_type.classify(RestEquations(problem, (), units), point, True)[0].kind
 
 
 @pytest.mark.parametrize(("curvature", "kind"), [(3e-14, "degenerate"), (3e-13, "minimum")])
@@ -283,17 +280,12 @@ def test_a_curvature_of_seven_digits_less_is_flat(curvature, kind):
 def test_a_contact_carries_nothing_below_nine_digits_of_the_forces(push, carries):
     problem = fake_problem(K=1, at=lambda *_: SimpleNamespace(F=np.zeros(1)))
     point = EquilibriumPoint(np.zeros(1), np.array([push]), (0,), 0.0)
-    assert point_type.carrying(problem, point, scales(contacts=1)) == ((0,) if carries else ())
+    equations = RestEquations(problem, (), scales(contacts=1))
+    assert point_type.carrying(equations, point) == ((0,) if carries else ())
 
 
 @pytest.mark.parametrize(("count", "kind"), [(8, "minimum"), (9, "degenerate")])
 def test_all_sets_of_eight_contacts_that_carry_nothing_are_gone_through(count, kind):
     # Between the first two only the direction of x is left, along which the curvature is positive.
     walls = np.array([[0.0, 1.0], [0.0, -1.0]] + [[1.0, 0.0]] * (count - 2))
-    assert point_type._kind_on_cone(np.diag([1.0, -1.0]), walls, (1, 1), (False, False))[0] == kind
-
-
-@pytest.mark.parametrize(("width", "is_one"), [(5e-8, True), (5e-7, False)])
-def test_a_hundred_narrow_intervals_are_one_piece(width, is_one):
-    assert (width <= all_zeros._width(1.0, 0.0)) is is_one
-    assert all_zeros._width(1.0, 0.0) > 2e-8
+    assert point_type.kind_on_cone(np.diag([1.0, -1.0]), walls, (1, 1), (False, False))[0] == kind

@@ -25,8 +25,7 @@ from lagcli.statics import (
 )
 from lagcli.statics.flat_directions import FlatEquations, FlatVerdict
 from lagcli.statics.polynomial_equations import NotPolynomial, PolynomialEquations
-from lagcli.statics.refine import EquilibriumPoint
-from lagcli.statics.rest_equations import Scales
+from lagcli.statics.rest_equations import EquilibriumPoint, RestEquations, Scales
 from lagcli.statics.static_problem import StaticLaws, StaticProblem
 
 Build = Callable[[ca.SX], ca.SX]
@@ -141,9 +140,8 @@ def test_a_direction_on_the_surface_of_contacts_is_allowed_but_for_rounding(
 ) -> None:
     """Three walls between which only the direction of x is left, where they do not lean towards each other."""
     walls = np.array([[-tilt, 1.0], [tilt, 1.0], [0.0, -1.0]])
-    found = point_type.extremes(np.diag([-1.0, 1.0]), walls)
-    assert (found == pytest.approx((-1.0, -1.0))) == is_allowed
-    assert (found is None) == (not is_allowed)
+    found = point_type.kind_on_cone(np.diag([-1.0, 1.0]), walls, (1, 1), (False, False))
+    assert found == (("maximum", 1) if is_allowed else ("isolated", 0))
 
 
 # Flat directions, and kinks
@@ -167,9 +165,9 @@ UNITS = Scales(1.0, 1.0, np.ones(0), np.ones(0), np.ones(1), np.ones(1))
 def flat_verdict(
     build: Build, *at: float, forces: Build | None = None, is_exact: bool = False
 ) -> FlatVerdict:
-    problem, n = problem_of(build, len(at), forces), len(at)
+    equations, n = RestEquations(problem_of(build, len(at), forces), (), UNITS), len(at)
     point = EquilibriumPoint(np.array(at), np.zeros(0), (), 0.0)
-    return flat_directions.judged(problem, point, UNITS, (np.eye(n), np.zeros((n, 0))), is_exact)
+    return flat_directions.judged(equations, point, (np.eye(n), np.zeros((n, 0))), is_exact)
 
 
 def test_a_power_of_sixteen_decides_and_one_of_seventeen_does_not() -> None:
@@ -231,10 +229,8 @@ def test_a_branch_is_zero_within_sixty_roundings(part: float, is_clear: bool) ->
 
 @pytest.mark.parametrize(("part", "is_kept"), [(0.05, True), (0.3, False)])
 def test_a_curvature_beside_a_double_zero_is_none(part: float, is_kept: bool) -> None:
-    problem = problem_of(lambda q: part / 1.5 * q + q**2 + q**3, 1)
-    equations = FlatEquations(problem, (), UNITS, np.eye(1), np.zeros((1, 0)))
-    changes = flat_directions._changes(equations, (np.zeros(1), np.zeros(0)), np.ones(1))
-    assert [change <= flat_directions.PARAMETERS.kept for change in changes] == [is_kept, is_kept]
+    verdict = flat_verdict(lambda q: part / 1.5 * q + q**2 + q**3, 0.0)
+    assert (verdict.up, verdict.flat) == ((1, 0) if is_kept else (0, 1))
 
 
 @pytest.mark.parametrize(("stiffness", "orders"), [((1.0, -2.0, 3.0), 3), ((0.0, -2.0, 3.0), 8)])
@@ -245,9 +241,9 @@ def test_directions_that_have_curvatures_are_not_asked_for_higher_powers(
     asked: list[tuple[int, int]] = []
     expanded = FlatEquations.expanded
 
-    def counted(self: FlatEquations, q: np.ndarray, lam: np.ndarray, rays: np.ndarray, orders: int):
+    def counted(self: FlatEquations, x: np.ndarray, rays: np.ndarray, orders: int):
         asked.append((orders, rays.shape[1]))
-        return expanded(self, q, lam, rays, orders)
+        return expanded(self, x, rays, orders)
 
     monkeypatch.setattr(FlatEquations, "expanded", counted)
     verdict = flat_verdict(
@@ -279,9 +275,8 @@ def doubted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     counts: list[int] = []
 
     def judged(
-        problem: object,
+        equations: RestEquations,
         point: EquilibriumPoint,
-        scales: Scales,
         directions: tuple[np.ndarray, np.ndarray],
         is_exact: bool,
     ) -> FlatVerdict:
@@ -299,9 +294,8 @@ def test_a_curvature_below_five_digits_of_its_terms_is_looked_at_again(
 ) -> None:
     problem = problem_of(lambda q: q[0] ** 2 / 2 + curvature * q[1] ** 2 / 2, 2)
     point = EquilibriumPoint(np.zeros(2), np.zeros(0), (), 0.0)
-    point_type.classify(
-        problem, point, Scales(1e-9, 1.0, np.ones(0), np.ones(0), np.ones(1), np.ones(1)), True
-    )
+    units = Scales(1e-9, 1.0, np.ones(0), np.ones(0), np.ones(1), np.ones(1))
+    point_type.classify(RestEquations(problem, (), units), point, True)
     assert sum(doubted) == count
 
 
@@ -310,7 +304,8 @@ def test_a_curvature_is_looked_at_again_below_a_part_of_force_over_length(
     curvature: float, count: int, doubted: list[int]
 ) -> None:
     point = EquilibriumPoint(np.zeros(1), np.zeros(0), (), 0.0)
-    point_type.classify(problem_of(lambda q: curvature * q**2 / 2, 1), point, UNITS, True)
+    problem = problem_of(lambda q: curvature * q**2 / 2, 1)
+    point_type.classify(RestEquations(problem, (), UNITS), point, True)
     assert sum(doubted) == count
 
 
@@ -329,7 +324,7 @@ def beside(build: Build) -> str:
     """What is said of a function beside zero."""
     search = search_at_kinks(build)
     kink = kink_points.kinks(search.problem.laws)[0]
-    on_pole = kink_points._on_kinks(search.problem, (kink,))
+    on_pole = kink_points.on_kinks(search.problem, (kink,))
     return kink_points._beside(search, on_pole, np.zeros(1), "value")
 
 
@@ -349,8 +344,8 @@ def test_a_power_of_a_fiftieth_is_a_kink_and_one_of_a_five_hundredth_is_none(
 ) -> None:
     search = search_at_kinks(lambda q: ca.fabs(q) ** power)
     kink = kink_points.kinks(search.problem.laws)[-1]
-    on_kink = kink_points._on_kinks(search.problem, (kink,))
-    assert kink_points._kind(search, on_kink, np.zeros(1)) == kind
+    on_kink = kink_points.on_kinks(search.problem, (kink,))
+    assert kink_points.kind_at(search, on_kink, np.zeros(1)) == kind
 
 
 @pytest.mark.parametrize(("count", "is_refused"), [(3, False), (4, True)])
@@ -386,16 +381,16 @@ def test_kinks_are_looked_at_among_twelve_coordinates(
 def test_slopes_are_looked_at_six_digits_off_a_kink(width: float, kind: str) -> None:
     search = search_at_kinks(lambda q: ca.fabs(q) - q**2 / width)
     (kink,) = kink_points.kinks(search.problem.laws)
-    on_kink = kink_points._on_kinks(search.problem, (kink,))
-    assert kink_points._kind(search, on_kink, np.zeros(1)) == kind
+    on_kink = kink_points.on_kinks(search.problem, (kink,))
+    assert kink_points.kind_at(search, on_kink, np.zeros(1)) == kind
 
 
 @pytest.mark.parametrize(("slope", "kind"), [(3e-6, "minimum"), (3e-7, None)])
 def test_a_slope_of_six_digits_less_is_none(slope: float, kind: str | None) -> None:
     search = search_at_kinks(lambda q: slope * ca.fabs(q))
     (kink,) = kink_points.kinks(search.problem.laws)
-    on_kink = kink_points._on_kinks(search.problem, (kink,))
-    assert kink_points._kind(search, on_kink, np.zeros(1)) == kind
+    on_kink = kink_points.on_kinks(search.problem, (kink,))
+    assert kink_points.kind_at(search, on_kink, np.zeros(1)) == kind
 
 
 def is_lost(build: Build, value: float) -> bool:

@@ -5,7 +5,7 @@ import pytest
 
 import lagcli
 from lagcli.api import cache, static_points
-from lagcli.statics.refine import EquilibriumPoint, NoEquilibrium
+from lagcli.statics.rest_equations import EquilibriumPoint, NoEquilibrium
 
 HEAD = "lagcli: 1\n"
 WEIGHT = "forces:\n  weight: {to: all, force: [0, 0, -9.81*m]}\n"

@@ -81,19 +81,20 @@ def compare(
     with options.refusals(as_json):
         found, told = comparing.compare_to_files(read, given, output, plot)
     exits.print_err_all(told)
-    lines = comparison.lines(found)
+    headers, rows, reading, disagreement = comparison.lines(found)
+    principles = "" if found.principles is None else found.principles.sentence
     if as_json:
         print(formats.json_line(found.as_json()))
     elif output == "-":
-        exits.print_err_all([lines.principles] if lines.principles else [])
+        exits.print_err_all([principles] if principles else [])
     else:
-        console.table(lines.headers, lines.rows, COLOURS)
-        for sentence in filter(None, (lines.agreement, lines.principles)):
+        console.table(headers, rows, COLOURS)
+        for sentence in filter(None, (reading, principles)):
             print()
             console.paragraph(sentence)
     exits.print_notes(found.notes, quiet)
-    if lines.disagreement:
-        exits.print_err(f"lagcli: {lines.disagreement}")
+    if disagreement:
+        exits.print_err(f"lagcli: {disagreement}")
         raise exits.Exit(exits.INVALID)
-    if lines.is_stopped:
+    if found.stopped:
         raise exits.Exit(exits.STOPPED)

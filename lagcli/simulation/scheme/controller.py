@@ -78,13 +78,8 @@ class StepController:
         """To be asked every `pace` steps: by how much they advanced, where that would never lead to the end, or to the
         next row; row: the time between two."""
         advanced, self.pace_from = t - self.pace_from, t
-        return advanced if is_hopeless(advanced, end - t, row) else None
-
-
-def is_hopeless(advanced: float, left: float, row: float) -> bool:
-    """True if a run is too slow of which the last `pace` steps advanced by so much; left: the time up to its end."""
-    most = max(left / PARAMETERS.hopeless, min(left, row) / PARAMETERS.rowless)
-    return most * PARAMETERS.pace > advanced
+        most = max((end - t) / PARAMETERS.hopeless, min(end - t, row) / PARAMETERS.rowless)
+        return advanced if most * PARAMETERS.pace > advanced else None
 
 
 def first_step(rhs: BoundFunction, k: Floats, sizes: Floats, tolerance: Floats, order: int) -> float:
