@@ -83,9 +83,8 @@ class Formulation:
 class Agreement:
     """The agreement of a kind of columns with the first formulation.
 
-    error: the largest difference as a part of the largest value of that kind, of energies as a part of what is
-    exchanged, of the times of events as a part of the run; digits = -log10(error); column and t: where that is.
-    columns: how many are shared, of events how many belong together.
+    error: the largest difference as a part of the largest value of that kind, of energies of what is exchanged, of
+    events of the time of the run; column, t: where that is; columns: how many are shared, of events belong together.
     """
 
     columns: int
@@ -101,8 +100,7 @@ class Agreement:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class PartingPoint:
-    """The time of the first row where positions differ by more than the tolerance, and their largest difference
-    with its column and time; sizes are those of the column itself."""
+    """The time of the first row where positions differ by more than the tolerance; their largest difference."""
 
     t: float
     largest: float
@@ -114,9 +112,9 @@ class PartingPoint:
 class Principles:
     """The outcome of a comparison of vakonomic motion with d'Alembert's.
 
-    mu: initial multipliers of the differential rows; integrable, nonholonomic, undecided: these rows; digits: to which
-    positions and velocities agree, None where there is nothing to compare; parting: where positions part, or None;
-    left_out: outputs and events without a value in vakonomic motion; until: the time up to which both go.
+    mu: initial multipliers of differential rows; integrable, nonholonomic, undecided: these rows; digits: to which
+    positions and velocities agree, or None; parting: where positions part; left_out: outputs and events without a value
+    in vakonomic motion; until: the time up to which both go.
     """
 
     mu: Mapping[str, float]
@@ -177,10 +175,10 @@ def _listed(names: Sequence[str], one: str = "is", several: str = "are") -> str:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Comparison:
-    """Formulations, and how well each but the first agrees with the first, kind by kind.
+    """Formulations, and how well each but the first agrees with the first, kind by kind, to a tolerance.
 
-    tolerance: the largest error that passes. notes: what was left out, and why. principles: where the last of the
-    formulations is vakonomic, how it compares; it is another motion, and has no part in the verdict.
+    notes: what was left out, and why. principles: how the last one compares where it is vakonomic, another motion: it
+    has no part in the verdict.
     """
 
     formulations: tuple[Formulation, ...]
@@ -277,10 +275,9 @@ def compare(
         shared = [name for name, own in of.items() if own == kind and name in other.columns]
         if not shared or not count:
             continue
-        one, two = _values(shared, first, other, count)
+        one, gaps = _gaps(shared, first, other, count)
         if kind == "lambda":
-            one = np.where(singular[:count, None], np.nan, one)
-        gaps = np.abs(one - two)
+            gaps = np.where(singular[:count, None], np.nan, gaps)
         known = ~np.isnan(gaps) if kind in ("lambda", "outputs") else np.ones_like(gaps, dtype=bool)
         if kind != "r":
             known &= ~parted[:, None]
@@ -309,22 +306,21 @@ def compare(
     return found
 
 
-def _values(shared: Sequence[str], first: Formulation, other: Formulation, count: int) -> list[Floats]:
-    """The first rows of two tables in the columns that they share, (count, columns)."""
-    return [run.table[:count, [run.columns.index(name) for name in shared]] for run in (first, other)]
+def _gaps(shared: Sequence[str], first: Formulation, other: Formulation, count: int) -> tuple[Floats, Floats]:
+    """The first rows of a table in shared columns, and how far those of another are off, (count, columns)."""
+    one, two = (run.table[:count, [run.columns.index(name) for name in shared]] for run in (first, other))
+    return one, np.abs(one - two)
 
 
 def parting(
     of: Mapping[str, str], first: Formulation, other: Formulation, tolerance: float
 ) -> PartingPoint | None:
-    """The time and the column at which the positions of two tables over one grid part; `of`: columns with their
-    kinds."""
+    """Where positions of two tables over one grid part, and in which column; `of`: columns with their kinds."""
     shared = [name for name, kind in of.items() if kind == "r" and name in other.columns]
     count = min(len(first.table), len(other.table))
     if not shared or not count:
         return None
-    one, two = _values(shared, first, other, count)
-    gaps = np.abs(one - two)
+    one, gaps = _gaps(shared, first, other, count)
     scale = float(np.abs(one).max(initial=0.0)) or 1.0
     apart = np.flatnonzero((gaps > tolerance * scale).any(axis=1))
     if not apart.size:
@@ -355,8 +351,7 @@ class Matched:
 
 
 def matched(one: Sequence[RunEvent], other: Sequence[RunEvent], end: float, span: float) -> Matched:
-    """The incidents of two runs that both last to `end`, each kind and name in its order; rebounds before an
-    accumulation that both have may be told to different ends."""
+    """The incidents of two runs that last to `end`, in order by kind and name; before an accumulation some may miss."""
     sides: list[dict[str, list[RunEvent]]] = [{}, {}]
     for events, by_label in zip((one, other), sides, strict=True):
         for event in events:
@@ -380,8 +375,7 @@ def matched(one: Sequence[RunEvent], other: Sequence[RunEvent], end: float, span
 
 
 def lines(found: Comparison) -> tuple[list[str], list[list[str]], str, str]:
-    """The table of the formulations, its headers first, and two sentences, each of which may be nothing: how to read
-    the table, and where formulations differ more than they may."""
+    """The table of the formulations with its headers, how to read it, and where they differ more than they may."""
     first = found.formulations[0]
     several = len({one.path for one in found.formulations}) > 1
     shown = [kind for kind in KINDS if any(kind in each for each in found.agreements)]

@@ -29,8 +29,7 @@ def declared(model: Model, rows: int) -> str:
 
 
 def is_reducible(model: Model, rows: int, n: int) -> bool:
-    """True if the null space of C rows in n coordinates is to be taken: there are rows, not too many columns, and no
-    contacts that would change it, nor an event that ends the run."""
+    """True if the null space of C rows is to be taken: of few columns, that no contact changes and no event ends."""
     return rows > 0 and n <= MOST_COORDINATES and not is_changed(model)
 
 
@@ -45,10 +44,7 @@ def has_dependent(model: Model) -> bool:
 
 
 def comparable(model: Model, other: Formulation, of: Mapping[str, str]) -> dict[str, str]:
-    """The columns whose meaning another formulation of the same model shares.
-
-    Freed particles take the rows from the coordinates: R of a generalized coordinate is another sum there.
-    """
+    """The columns whose meaning another formulation shares: freed particles take rows from coordinates and their R."""
     if other.name != "freed":
         return dict(of)
     apart = {f"R.{name}" for name in model.generalized_names}

@@ -118,8 +118,7 @@ class DenseFunctions:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class ReducedMotion:
-    """A point of the chart in full: q, v, a (n,), with (xi', u'), and how far the null space of all rows has turned
-    (1: not)."""
+    """q, v, a (n,) at a point of the chart, (xi', u'), and how far the null space of rows has turned (1: not)."""
 
     q: Floats
     v: Floats
@@ -173,8 +172,7 @@ class Chart:
         return ReducedMotion(q, v, a, np.concatenate([self._G_h @ v, w]), self._grown(N))
 
     def turned(self, t: float, motion: ReducedMotion) -> float:
-        """The size of a basis of the null space at a motion (1: not turned), the larger of that of all rows and of the
-        holonomic ones, which may allow what the others do not."""
+        """The size of a basis of the null space (1: not turned), or of that of holonomic rows, which may turn more."""
         functions, s = self._functions, self._functions.holonomic
         if s == functions.rows:
             return motion.turned
@@ -190,8 +188,7 @@ class Chart:
         return float(np.linalg.norm(self._lower.T @ N) / np.sqrt(max(1, N.shape[1])))
 
     def _position(self, t: float, xi: Floats) -> Floats:
-        """The configuration on f = 0 with these xi: by Newton's method from the last one, with the derivatives of an
-        earlier point as long as they serve."""
+        """The configuration with these xi, by Newton's method from the last one, with derivatives while they serve."""
         q: Floats = self.guess
         before = np.inf
         for _ in range(ITERATIONS):
@@ -217,8 +214,7 @@ class Chart:
 
 
 def _split(B: Floats, lower: Floats) -> tuple[Floats, Floats]:
-    """Independent combinations of rows, (rank, C), and Z^T M of the null space of B (C, n), (n - rank, n). Raises
-    `ChartError` where the rank is undecided."""
+    """Independent combinations of rows B (C, n), (rank, C), and Z^T M (n - rank, n). Raises `ChartError`."""
     white: Floats = np.asarray(np.linalg.solve(lower, B.T).T)
     lengths = decompositions.lengths(white)
     found = rank.space(white / lengths[:, None])

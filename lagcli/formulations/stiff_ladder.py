@@ -85,8 +85,7 @@ class Rung:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Rate:
-    """error = 10^at k^slope (1 + further/k), fitted to the logarithms; error: what the slope is off by, None for two
-    points."""
+    """error = 10^at k^slope (1 + further/k) by logarithms; error: what the slope is off by, None for two points."""
 
     slope: float
     at: float
@@ -99,10 +98,9 @@ class Rate:
 
 
 def fitted(k: Sequence[float], errors: Sequence[float]) -> Rate | None:
-    """The rate of errors, or None where there are fewer than two or one of them is zero.
+    """The rate of errors; None where there are fewer than two or one is zero. The next term in 1/k is fitted to four.
 
-    The next term of the series in 1/k is fitted too where there are four or more. The slope is off by its
-    interval of confidence, 95 % by Student's distribution, and by what it changes by without the softest spring.
+    The slope is off by its interval, 95 % by Student's distribution, and by what it changes without the softest spring.
     """
     if len(k) < 2 or not all(error > 0 and math.isfinite(error) for error in errors):
         return None

@@ -107,8 +107,7 @@ def has_cut(built: system.System, index: int) -> bool:
 def multiplier_rate(
     solved: ca.Function, at: tuple[float, Floats, Floats, Floats], index: int
 ) -> tuple[float, float]:
-    """lambda of a row and its rate along the motion, at t, q, v (n,) with parameters p; solved(t, y, p) -> y' and
-    lambda of all rows is differentiated by AD."""
+    """lambda of a row and its rate at t, q, v (n,), p by AD of solved(t, y, p) -> y' and lambda of all rows."""
     t, q, v, p = at
     y = np.concatenate([q, v, [0.0]])
     time, state, numbers = (ca.MX.sym(name, size) for name, size in (("t", 1), ("y", y.size), ("p", p.size)))

@@ -14,7 +14,7 @@ velocities, and rows, projections and steps are those of any run.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
@@ -72,7 +72,11 @@ def model(built: system.System, start: VakonomicStart) -> tuple[nouns.Model, tup
     unavailable: dict[str, None] = {}
 
     def has_value(name: str, expression: nouns.Expression) -> bool:
-        is_lost = _reads(expression, without, unavailable)
+        is_lost = any(read in unavailable for read in tree.names(expression.tree))
+        for call in tree.walk(expression.tree):
+            if isinstance(call, tree.Call) and call.function in ("multiplier", "reaction"):
+                is_lost |= call.function == "reaction" and len(call.arguments) == 1
+                is_lost |= not without.isdisjoint(tree.names(call.arguments[-1]))
         if is_lost:
             unavailable[name] = None
         return not is_lost
@@ -108,7 +112,15 @@ def build(built: system.System, extended: nouns.Model, start: VakonomicStart) ->
     def restated(
         env: Environment, constraints: ConstraintRows, dynamics: energy.Dynamics
     ) -> tuple[ConstraintRows, energy.Dynamics]:
-        G = _force(env, constraints, start.independent, n)
+        # G (n + k,), zero at the further coordinates; the rows that follow from others have no part in it.
+        own = np.zeros(count)
+        own[[i - s for i in chosen if i >= s]] = 1.0
+        mu = env.v[n:] * ca.DM(own)
+        A, b = constraints.B[s:, :], constraints.b[s:]
+        momentum = A.T @ mu
+        # d/dt of A^T mu with mu fixed: mu is a part of v, which is fixed here too.
+        turned = ca.jtimes(momentum, env.q, env.v) + ca.jacobian(momentum, env.t)
+        G = ca.densify(ca.gradient(ca.dot(mu, A @ env.v + b), env.q) - turned)
         further.append(G)
         # S = B M^-1 B^T of the independent rows, and mu' = -lambda of the differential ones
         B, gamma = constraints.B[chosen, :n], constraints.gamma[chosen, :]
@@ -127,34 +139,15 @@ def build(built: system.System, extended: nouns.Model, start: VakonomicStart) ->
         return constraints, dataclasses.replace(dynamics, M=M, h=h, power=power)
 
     whole = system.build(extended, restated)
-    return _with_total_reaction(dataclasses.replace(whole, bodies=built.bodies), further[0])
-
-
-def _force(env: Environment, constraints: ConstraintRows, independent: Sequence[int], n: int) -> ca.SX:
-    """G (n + k,), zero at the further coordinates; the rows that follow from others have no part in it."""
-    s, q, v, t = constraints.f.numel(), env.q, env.v, env.t
-    own = np.zeros(len(constraints.rows) - s)
-    own[[i - s for i in independent if i >= s]] = 1.0
-    mu = env.v[n:] * ca.DM(own)
-    A, b = constraints.B[s:, :], constraints.b[s:]
-    momentum = A.T @ mu
-    # d/dt of A^T mu with mu fixed: mu is a part of v, which is fixed here too.
-    turned = ca.jtimes(momentum, q, v) + ca.jacobian(momentum, t)
-    return ca.densify(ca.gradient(ca.dot(mu, A @ v + b), q) - turned)
-
-
-def _with_total_reaction(found: system.System, G: ca.SX) -> system.System:
-    """The system with R = m a - F, the force of both lambda and mu, in place of the part of lambda alone."""
-    Q_R = ca.densify(found.Q_R + G)
-    R, first = ca.SX(found.R), 0
-    offset = 0
-    for particle in found.model.particles:
-        count = 3 * particle.members.count
+    # R = m a - F, the force of both lambda and mu, in place of the part of lambda alone
+    Q_R, R, first, offset = ca.densify(whole.Q_R + further[0]), ca.SX(whole.R), 0, 0
+    for particle in whole.model.particles:
+        size = 3 * particle.members.count
         if not particle.is_dependent:
-            R[first : first + count] = Q_R[offset : offset + count]
-            offset += count
-        first += count
-    return dataclasses.replace(found, Q_R=Q_R, R=ca.densify(R))
+            R[first : first + size] = Q_R[offset : offset + size]
+            offset += size
+        first += size
+    return dataclasses.replace(whole, bodies=built.bodies, Q_R=Q_R, R=R)
 
 
 def effective(built: system.System, start: VakonomicStart) -> Floats:
@@ -171,18 +164,6 @@ def effective(built: system.System, start: VakonomicStart) -> Floats:
     found = np.zeros(count)
     found[list(start.independent)] = shares
     return found[s:]
-
-
-def _reads(expression: nouns.Expression, without: set[str], unavailable: Mapping[str, None]) -> bool:
-    """True if an expression asks for what is not there."""
-    if any(name in unavailable for name in tree.names(expression.tree)):
-        return True
-    for call in tree.walk(expression.tree):
-        if isinstance(call, tree.Call) and call.function in ("multiplier", "reaction"):
-            is_whole = call.function == "reaction" and len(call.arguments) == 1
-            if is_whole or not without.isdisjoint(tree.names(call.arguments[-1])):
-                return True
-    return False
 
 
 def table(
@@ -221,8 +202,17 @@ def require_action(built: system.System, t: float, q: Floats, p: Floats) -> None
         for law in built.model.inequality
         if law.members.count
     ]
-    is_fast = ca.depends_on(built.dynamics.driving, built.symbols.v)
-    if not found and (is_fast or _has_curl(built, t, q, p)):
+    symbols = built.symbols
+    is_fast, has_curl = ca.depends_on(built.dynamics.driving, symbols.v), False
+    slope = ca.jacobian(built.dynamics.driving, symbols.q)
+    if not found and not is_fast and slope.nnz():
+        # dQ_i/dq_j and dQ_j/dq_i near the start
+        slopes = SizedFunction("slopes", [symbols.t, symbols.q, built.p], [ca.densify(slope)])
+        size = float(np.abs(q).max(initial=0.0)) or 1.0
+        draws = np.random.default_rng(0).uniform(-1.0, 1.0, (SAMPLES, q.size))
+        values = (np.array(slopes(t + 0.1 * k, q + WIDTH * size * draw, p)) for k, draw in enumerate(draws))
+        has_curl = any(np.isfinite(each).all() and not decompositions.is_symmetric(each) for each in values)
+    if not found and (is_fast or has_curl):
         # The texts of the forces that act and have no declared potential: the first of them is named.
         texts: list[nouns.Expression] = []
         for force in built.model.forces:
@@ -248,19 +238,3 @@ def require_action(built: system.System, t: float, q: Floats, p: Floats) -> None
         )
     if found:
         raise diagnostics.ModelError(found)
-
-
-def _has_curl(built: system.System, t: float, q: Floats, p: Floats) -> bool:
-    """True if dQ_i/dq_j and dQ_j/dq_i differ somewhere near the start."""
-    symbols = built.symbols
-    slope = ca.jacobian(built.dynamics.driving, symbols.q)
-    if not slope.nnz():
-        return False
-    slopes = SizedFunction("slopes", [symbols.t, symbols.q, built.p], [ca.densify(slope)])
-    size = float(np.abs(q).max(initial=0.0)) or 1.0
-    draws = np.random.default_rng(0).uniform(-1.0, 1.0, (SAMPLES, q.size))
-    for number, draw in enumerate(draws):
-        found = np.array(slopes(t + 0.1 * number, q + WIDTH * size * draw, p))
-        if np.isfinite(found).all() and not decompositions.is_symmetric(found):
-            return True
-    return False
