@@ -6,7 +6,6 @@ Deviations are carried along by the equations of motion and their exact derivati
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 
 import casadi as ca
@@ -39,6 +38,7 @@ class FollowedMotion:
     def __init__(self, functions: LinearizedFunctions, numeric: NumericSystem, here: Reference) -> None:
         self.functions, self.numeric, self.here = functions, numeric, here
         self._n, self._begin = here.q.size, np.concatenate([here.q, here.v])
+        self._units = [float(np.abs(x).max(initial=0.0)) or 1.0 for x in (here.v, functions.values(here))]
 
     def rate(self, t: float, y: Floats) -> Floats:
         """y' of y = (q, v)."""
@@ -87,69 +87,53 @@ class FollowedMotion:
         speed, entries = self._units
         return np.concatenate([here.v / speed, self.functions.values(here) / entries])
 
-    @functools.cached_property
-    def _units(self) -> tuple[float, float]:
-        both = (self.here.v, self.functions.values(self.here))
-        speed, entries = (float(np.abs(part).max(initial=0.0)) or 1.0 for part in both)
-        return speed, entries
-
-    def monodromy(self, deviations: Floats, T: float) -> Floats:
-        """Deviations (2n, k) of (q, v) a period later."""
+    def cycle(self, T: float) -> tuple[Complex, Complex]:
+        """The multipliers (k,) over a period T, those that are 1 first, and their deviations dq (k, n) at the start."""
         from scipy import integrate
 
-        n, k = self._n, deviations.shape[1]
+        linear, n, t0 = self.functions.at(self.here), self._n, self.here.t
+        B, A, D, D_holonomic = (part.toarray() for part in (linear.B, linear.A, linear.D, linear.D_holonomic))
+        # An orthonormal basis of the deviations of (q, v) that the rows allow, in units of T, in which speeds are of
+        # the size of positions
+        positions = np.hstack([B, np.zeros_like(B)])
+        speeds = np.hstack([np.vstack([D_holonomic, D]), np.vstack([B[: len(D_holonomic)], A]) / T])
+        basis = rank.null_basis(decompositions.unit(np.vstack([positions, speeds])))
+        basis[n:] /= T
+        deviations = decompositions.orthonormal(basis)[0]
+        # The same a period later
+        k = deviations.shape[1]
         t, y, W = ca.MX.sym("t"), ca.MX.sym("y", 2 * n), ca.MX.sym("dy", 2 * n, k)
         rate = self.numeric.rhs(t, ca.vertcat(y, 0), self.here.p)[: 2 * n]
-        carried = ca.jtimes(rate, y, W) if k else ca.MX(2 * n, 0)
-        function = SizedFunction(
-            "variation", [t, ca.vertcat(y, ca.vec(W))], [ca.vertcat(rate, ca.vec(carried))]
-        )
-        begin = np.concatenate([self._begin, deviations.T.ravel()])
+        further = ca.jtimes(rate, y, W) if k else ca.MX(2 * n, 0)
+        both, their_rates = ca.vertcat(y, ca.vec(W)), ca.vertcat(rate, ca.vec(further))
+        function = SizedFunction("variation", [t, both], [their_rates])
         tolerance = self._tolerance()
         sizes = np.abs(deviations).max(axis=0)
         tolerance["atol"] = np.concatenate([tolerance["atol"], np.repeat(ATOL * sizes, 2 * n)])
         end = integrate.solve_ivp(
             lambda t, x: np.array(function(t, x)).ravel(),
-            (self.here.t, self.here.t + T),
-            begin,
+            (t0, t0 + T),
+            np.concatenate([self._begin, deviations.T.ravel()]),
             "DOP853",
-            t_eval=[self.here.t + T],
+            t_eval=[t0 + T],
             **tolerance,
         )
-        return np.asarray(end.y[2 * n :, -1]).reshape(k, 2 * n).T
-
-
-def cycle(orbit: FollowedMotion, T: float) -> tuple[Complex, Complex]:
-    """The multipliers (k,) of a motion with the period T, those that are 1 first, and the deviations dq (k, n) at the
-    start with them."""
-    linear, n = orbit.functions.at(orbit.here), orbit.here.q.size
-    B, A, D, D_holonomic = (part.toarray() for part in (linear.B, linear.A, linear.D, linear.D_holonomic))
-    # An orthonormal basis of the deviations of (q, v) that the rows allow, in units of T, in which speeds are of the
-    # size of positions
-    positions = np.hstack([B, np.zeros_like(B)])
-    speeds = np.hstack([np.vstack([D_holonomic, D]), np.vstack([B[: len(D_holonomic)], A]) / T])
-    basis = rank.null_basis(decompositions.unit(np.vstack([positions, speeds])))
-    basis[n:] /= T
-    deviations = decompositions.orthonormal(basis)[0]
-    carried = deviations.T @ orbit.monodromy(deviations, T)
-    found = spectrum.deflate(carried - np.eye(len(carried)), doubles.ZERO * float(np.linalg.norm(carried, 2)))
-    values, vectors = np.linalg.eig(found.rest)
-    others = 1 + values
-    order = np.lexsort((-np.round(others.imag, 9), -np.round(np.abs(others), 9)))
-    shapes = np.zeros((len(found.null), 0), dtype=complex)
-    if values.size:
-        shapes = found.full_vectors(values.astype(complex), vectors.astype(complex))
-    every = np.hstack([found.null.astype(complex), shapes[:, order]])
-    multipliers = np.concatenate([np.ones(found.zeros, dtype=complex), others[order]])
-    return multipliers, (deviations[:n] @ every).T
+        carried = deviations.T @ np.asarray(end.y[2 * n :, -1]).reshape(k, 2 * n).T
+        found = spectrum.deflate(carried - np.eye(k), doubles.ZERO * float(np.linalg.norm(carried, 2)))
+        values, vectors = np.linalg.eig(found.rest)
+        others = 1 + values
+        order = np.lexsort((-np.round(others.imag, 9), -np.round(np.abs(others), 9)))
+        shapes = np.zeros((len(found.null), 0), dtype=complex)
+        if values.size:
+            shapes = found.full_vectors(values.astype(complex), vectors.astype(complex))
+        every = np.hstack([found.null.astype(complex), shapes[:, order]])
+        multipliers = np.concatenate([np.ones(found.zeros, dtype=complex), others[order]])
+        return multipliers, (deviations[:n] @ every).T
 
 
 def period(signature: Signature, longest: float) -> float | None:
-    """The period T of a function of time, T <= longest / 2, or None where it has none.
-
-    A return of its value is looked for by its way through the plane across its first direction, and what comes back
-    must do so at other instants too.
-    """
+    """The period T <= longest / 2 of a function of time, or None, by returns through the plane across its direction
+    that are returns at other instants too."""
     from scipy import optimize
 
     for decade in range(DECADES, -1, -1):

@@ -117,10 +117,7 @@ def modes(
     is_minimum: bool | None = None,
 ) -> Modes:
     """The modes about a motion whose linear equations do not depend on t; wanted: how many of a large model;
-    is_minimum: whether the potential has a strict minimum there by all derivatives that count, None where not known.
-
-    Raises `diagnostics.ModelError`, `lowest.NotFoundError`.
-    """
+    is_minimum: if the potential is strictly least there. Raises `diagnostics.ModelError`, `lowest.NotFoundError`."""
     model = functions.system.model
     if found.here.q.size > DENSE:
         frequencies, eigenvalues, shapes, verdict, count, note = _of_lowest(functions, found, wanted)
@@ -160,8 +157,7 @@ def modes(
 def _of_lowest(
     functions: LinearizedFunctions, motion: Steady, wanted: int
 ) -> tuple[Floats | None, Complex, Complex, StabilityVerdict, int, str]:
-    """The lowest modes of a large model: frequencies, eigenvalues, shapes, the verdict with the largest real part of
-    these, how many eigenvalues there are, and a note."""
+    """The lowest modes of a large model: frequencies, eigenvalues, shapes, verdict, count of all, a note."""
     found = lowest.modes(motion.linear, wanted)
     is_swinging = not found.values.real.any()
     both, rows = list[complex](), list[Complex]()
@@ -192,7 +188,7 @@ def _of_lowest(
 
 def of_cycle(orbit: floquet.FollowedMotion, T: float, notes: tuple[str, ...]) -> Modes:
     """The multipliers of a motion with the period T, and its exponents log(multiplier)/T."""
-    multipliers, shapes = floquet.cycle(orbit, T)
+    multipliers, shapes = orbit.cycle(T)
     model, judged = orbit.functions.system.model, of_multipliers(multipliers, T, not orbit.numeric.has_time)
     return Modes(
         "periodic",

@@ -95,8 +95,7 @@ class Linear:
         return np.concatenate([np.zeros(0), *(part.nonzeros() for part in self.matrices)])
 
     def in_units(self, unit: Linear) -> Iterator[tuple[Floats, npt.NDArray[np.intp], int]]:
-        """The entries of each matrix in units of the masses and rows of `unit`, their rows, and their power of a
-        frequency."""
+        """The entries of each matrix in units of the masses and rows of `unit`, their rows, and power of frequency."""
         own = unit.matrices
         whitening = ca.diag(ca.DM(1 / unit.inertia))
         B, A = (LocalRows(ca.mtimes(part, whitening)).divisors for part in (own.B, own.A))
@@ -107,11 +106,8 @@ class Linear:
 
 
 class LinearizedFunctions:
-    """The matrices of one system as functions of a reference.
-
-    closed: the contacts that count as rows, by their numbers among contacts; integrals: of differential rows, whose
-    leaf through the reference counts as holonomic rows.
-    """
+    """The matrices as functions of a reference; closed: contacts that count as rows, by number; integrals: of
+    differential rows, whose leaf through the reference counts as holonomic rows."""
 
     def __init__(
         self, built: System, closed: Sequence[int] = (), integrals: Sequence[FirstIntegral] = ()
@@ -186,8 +182,7 @@ class LinearizedFunctions:
         return bool((off <= doubles.ZERO * terms + doubles.VALUE * scales).all())
 
     def stiffness_terms(self, here: Reference, linear: Linear) -> Floats:
-        """The sizes of the terms of the entries of K (n, n), with multipliers as large as all forces could make them:
-        one that is rounding is so beside these."""
+        """The sizes of the terms of K (n, n), with multipliers as large as all forces could make them."""
         m, s = linear.matrices, self.system.holonomic_count
         rows = ca.vertcat(m.B[:s, :], m.A, m.B[s : s + len(self.closed), :])
         lengths = LocalRows(ca.mtimes(rows, ca.diag(ca.DM(1 / linear.inertia)))).divisors

@@ -8,7 +8,6 @@ pivots of K - s M + rho B^T B (Sylvester), so that none is missed, and negative 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -58,6 +57,7 @@ def modes(linear: Linear, wanted: int) -> Lowest:
 
 def _of_energy(linear: Linear, wanted: int) -> Lowest:
     """The lowest modes of K x = w^2 M x with B x = 0."""
+    from scipy import sparse
     from scipy.sparse import linalg
 
     K, M, B = (linear.K + linear.K.T) / 2, linear.M, _unit(linear.B)
@@ -75,7 +75,21 @@ def _of_energy(linear: Linear, wanted: int) -> Lowest:
             low *= 2
         least, _ = sides.bracket(lambda mu: not _below(K, M, B, float(mu), size), low, 0.0, narrow=1e-4)
         sigma = float(least) * (1 + 1e-3) - SHIFT * size
-    solve = _solver(K - sigma * M, B)
+    # y -> x of (K - sigma M) x + B^T mu = y, B x = 0
+    shifted = K - sigma * M
+    for loose in (0.0, doubles.SUM / float(abs(shifted).max())):
+        corner = [[shifted, B.T], [B, -loose * sparse.eye(B.shape[0])]] if B.shape[0] else [[shifted]]
+        try:
+            factors = linalg.splu(sparse.bmat(corner).tocsc())
+        except RuntimeError:  # exactly singular: rows are dependent
+            continue
+        break
+    else:
+        raise NotFoundError
+
+    def solve(y: Floats) -> Floats:
+        return np.asarray(factors.solve(np.concatenate([y.ravel(), np.zeros(B.shape[0])]))[: y.size])
+
     inverse = linalg.LinearOperator((n, n), matvec=solve, dtype=float)
     for _ in range(ROUNDS):
         try:
@@ -147,25 +161,6 @@ def _of_states(linear: Linear, wanted: int) -> Lowest:
     chosen = chosen[np.argsort(np.abs(values[chosen]), kind="stable")][:wanted]
     count = 2 * n - 2 * _rank(_unit(linear.B)) - _rank(_unit(linear.A))
     return Lowest(values[chosen], states[:n, chosen], count, False, False, False)
-
-
-def _solver(matrix: sparse.csc_array, B: sparse.csc_array) -> Callable[[Floats], Floats]:
-    """y -> x of matrix x + B^T mu = y, B x = 0."""
-    from scipy import sparse
-    from scipy.sparse import linalg
-
-    h = B.shape[0]
-    size = float(abs(matrix).max())
-    for loose in (0.0, doubles.SUM / size):
-        corner = -loose * sparse.eye(h) if h else None
-        blocks = [[matrix, B.T], [B, corner]] if h else [[matrix]]
-        try:
-            factors = linalg.splu(sparse.bmat(blocks).tocsc())
-        except RuntimeError:  # exactly singular: rows are dependent
-            continue
-        none = np.zeros(h)
-        return lambda y: np.asarray(factors.solve(np.concatenate([y.ravel(), none]))[: y.size])
-    raise NotFoundError
 
 
 def _unit(rows: sparse.csc_array) -> sparse.csc_array:

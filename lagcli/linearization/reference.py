@@ -41,8 +41,7 @@ def is_at_rest(q: Floats, v: Floats, duration: float) -> bool:
 
 
 def is_balanced(linear: Linear, part: float = doubles.ZERO, least: float = 0.0) -> bool:
-    """True if the forces of a reference, which are finite, balance each other; over the roots of their masses all have
-    one unit. least: an acceleration in it that is none."""
+    """True if forces, over the roots of their masses, are finite and balance but for the acceleration `least`."""
     with np.errstate(all="ignore"):  # what is no number is none of balance
         load, left = (np.linalg.norm(each / linear.inertia) for each in (linear.load, linear.residual))
     return bool(left <= part * load + least < math.inf)
@@ -111,8 +110,7 @@ def moved(here: Reference, s: float) -> Reference:
 def is_same(one: Linear, other: Linear, duration: float) -> bool:
     """True if two linear equations, which are finite, differ by rounding of the largest in each row.
 
-    M and the rows have the size 1, and the others are powers of a frequency. Where a row is all rounding, the largest
-    of the matrix tells its size, or else the frequency of one turn in the time of the run.
+    Where a row is all rounding the largest of its matrix, or else one turn in the time of the run, tells its size.
     """
     for (entries, row, order), (others, _, _) in zip(one.in_units(one), other.in_units(one), strict=True):
         if entries.shape != others.shape:  # a leaf has lost its gradient

@@ -49,10 +49,7 @@ class Freedoms:
 
 
 def freedoms(linear: Linear, terms: Floats) -> Freedoms:
-    """The free coordinates of linear equations; terms (n, n): the sizes of what the entries of K are sums of.
-
-    Raises `NoFreedomsError`.
-    """
+    """The free coordinates; terms (n, n): the sizes of what entries of K are sums of. Raises `NoFreedomsError`."""
     M, C, K, B, A, D = (
         part.toarray() for part in (linear.M, linear.C, linear.K, linear.B, linear.A, linear.D)
     )
@@ -147,38 +144,32 @@ def compute(free: Freedoms) -> Spectrum:
         values, shapes = -1j * negative, free.Z @ np.linalg.solve(root, states[:m])
         still = np.zeros((len(free.Z), 0))
     else:
-        values, shapes, still = _general(free)
+        from scipy import linalg
+
+        # The state matrix of (x, w / rate) without the cyclic x; the rate is a size of eigenvalues.
+        N, G = free.N, free.G
+        along = N.T @ (free.C - G) if G.size else N.T @ free.C
+        stiffness, damping = N.T @ free.K - along @ G, along @ N
+        rate = max(float(np.sqrt(_size(stiffness))), _size(damping)) or 1.0
+        top = np.hstack([-G[c:, c:], rate * N[c:]])
+        S = np.vstack([top, np.hstack([-stiffness[:, c:] / rate, -damping])])
+        found = deflate(S, free.noise / rate)
+        values, left, right = linalg.eig(found.rest, left=True, right=True)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            condition = 1 / np.abs(np.einsum("ij,ij->j", left.conj(), right))
+        scale = float(np.linalg.norm(found.rest, 2)) if found.rest.size else 0.0
+        blur = scale * np.fmin(floor(len(S)) * condition, MOST_ROUNDOFF)
+        blur = np.where(np.isfinite(blur), blur, scale * MOST_ROUNDOFF)
+        values = np.where(np.abs(values.real) <= blur, 1j * values.imag, values)
+        values = np.where(np.abs(values.imag) <= 0, values.real + 0j, values)
+        shapes = np.zeros((len(free.Z), 0), dtype=complex)
+        if values.size:
+            states = found.full_vectors(values, right)
+            x, w = states[: m - c], states[m - c :]
+            missing = (rate * N[:c] @ w - G[:c, c:] @ x) / values if c else np.zeros((0, x.shape[1]))
+            shapes = np.asarray(free.Z @ np.vstack([missing, x]))
+        still = np.hstack([free.Z[:, :c], free.Z[:, c:] @ found.null[: m - c]])
     return Spectrum(values, shapes, m + k - values.size, still, m, is_definite, is_conservative)
-
-
-def _general(free: Freedoms) -> tuple[Complex, Complex, Floats]:
-    """The spectrum of the state matrix."""
-    from scipy import linalg
-
-    N, G, c, m = free.N, free.G, free.cyclic, len(free.N)
-    along = N.T @ (free.C - G) if G.size else N.T @ free.C
-    stiffness, damping = N.T @ free.K - along @ G, along @ N
-    # The matrix of (x, w / rate) without the cyclic x; the rate is a size of eigenvalues.
-    rate = max(float(np.sqrt(_size(stiffness))), _size(damping)) or 1.0
-    top = np.hstack([-G[c:, c:], rate * N[c:]])
-    S = np.vstack([top, np.hstack([-stiffness[:, c:] / rate, -damping])])
-    found = deflate(S, free.noise / rate)
-    values, left, right = linalg.eig(found.rest, left=True, right=True)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        condition = 1 / np.abs(np.einsum("ij,ij->j", left.conj(), right))
-    scale = float(np.linalg.norm(found.rest, 2)) if found.rest.size else 0.0
-    blur = scale * np.fmin(floor(len(S)) * condition, MOST_ROUNDOFF)
-    blur = np.where(np.isfinite(blur), blur, scale * MOST_ROUNDOFF)
-    values = np.where(np.abs(values.real) <= blur, 1j * values.imag, values)
-    values = np.where(np.abs(values.imag) <= 0, values.real + 0j, values)
-    shapes = np.zeros((len(free.Z), 0), dtype=complex)
-    if values.size:
-        states = found.full_vectors(values, right)
-        x, w = states[: m - c], states[m - c :]
-        missing = (rate * N[:c] @ w - G[:c, c:] @ x) / values if c else np.zeros((0, x.shape[1]))
-        shapes = np.asarray(free.Z @ np.vstack([missing, x]))
-    still = np.hstack([free.Z[:, :c], free.Z[:, c:] @ found.null[: m - c]])
-    return values, shapes, still
 
 
 def _size(matrix: Floats) -> float:
