@@ -283,17 +283,15 @@ class _Question:
         lam, unique = self._multipliers(found)
         names = [row.name for row in self._system.multiplier_rows]
         shown = [*self._rows, *range(len(self._system.rows.rows), len(names))]
-        if self._is_rest:
-            reactions, value = (
-                columns.reactions(q, lam),
-                static_report.potential(self._problem, self._source, q),
-            )
-        else:
-            reactions, value = columns.row_reactions(q, lam), self._problem.value(q) + 0.0
+        value = (
+            static_report.potential(self._problem, self._source, q)
+            if self._is_rest
+            else self._problem.value(q) + 0.0
+        )
         return StaticPoint(
             columns.at(q),
             {names[i]: float(lam[i]) + 0.0 for i in shown},
-            reactions,
+            columns.reactions(q, lam, are_of_rows=not self._is_rest),
             value,
             found.type.kind,
             found.type.index,

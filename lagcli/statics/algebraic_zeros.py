@@ -89,8 +89,7 @@ def zeros(
     used: Sequence[int],
     denominators: Sequence[PolyElement] = (),
 ) -> list[AlgebraicZero]:
-    """All real zeros of equations in the `used` unknowns at which no denominator vanishes. Raises `NotCounted`, and
-    `SpentError` of the order of the ring."""
+    """All real zeros in `used` unknowns where no denominator vanishes. Raises `NotCounted`, `SpentError`."""
     found: list[tuple[tuple[_ZeroBlock, RealRoot], ...]] = [()]
     for indices, polynomials in _blocks(equations, used, denominators):
         if not indices:

@@ -1,7 +1,7 @@
-"""All points of a problem, with the proof that none is left out: by exact algebra, or by intervals.
+"""All points of a problem, with the proof that none is left out.
 
-Exact algebra serves where the equations are polynomials of few unknowns, intervals where there is one coordinate and no
-row: each has one zero of the force, or none, or stays undecided, as at a pole, a kink, a double zero or in a flat tail.
+By exact algebra where the equations are polynomials of few unknowns; by intervals of one coordinate without rows, which
+have one zero of the force, or none, or stay undecided, as at a pole, a kink, a double zero or in a flat tail.
 """
 
 from __future__ import annotations
@@ -35,8 +35,7 @@ Force = Callable[[iv.mpf], tuple[iv.mpf, iv.mpf]]
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Completeness:
-    """True where the list is proved to hold all points; told: a sentence for users on the proof, or on why there is
-    none; final: a search from other starts would find no more."""
+    """proved: the list holds all points; told: a sentence on it; final: a search from other starts finds no more."""
 
     proved: bool
     told: str = ""
@@ -44,8 +43,7 @@ class Completeness:
 
 
 def by_algebra(search: PointSearch) -> Completeness:
-    """Put the exact points of each set of contacts that can be counted in the place of those of a search; and say
-    whether all are known."""
+    """Put exact points in the place of those of a search, for sets of contacts that can be counted; are all known?"""
     problem = search.problem
     is_few = problem.n + problem.C <= 24 and point_search.PARAMETERS.most_contacts >= problem.K
     if len(problem.times) > 1 or not is_few:
@@ -128,8 +126,7 @@ def _rounded(search: PointSearch, equations: RestEquations, x: Floats) -> Equili
 
 
 def by_intervals(search: PointSearch, is_angle: bool) -> Completeness:
-    """Put the zeros that intervals enclose in the place of the points of a search, but where a piece is undecided; and
-    say whether all are known."""
+    """Put the zeros that intervals enclose in the place of found points, but in undecided pieces; are all known?"""
     problem, length = search.problem, search.scales.length
     if len(problem.times) > 1:
         return Completeness(False)
@@ -202,8 +199,7 @@ def _narrow(length: float, x: float) -> float:
 
 
 def pieces(force: Force, length: float, is_angle: bool) -> tuple[list[Piece], list[Piece]]:
-    """Pieces of the line with one zero each, and undecided ones; there is none elsewhere. From the middle outward: a
-    whole turn, or shells as far as the force has no zero beyond."""
+    """Pieces of the line with one zero each, and undecided ones; none is elsewhere. From the middle outward."""
     left = 4000  # intervals that are looked at
     if is_angle:
         # The ends lie at no point where a zero is likely, and overlap: none is lost between them.
@@ -236,8 +232,7 @@ def pieces(force: Force, length: float, is_angle: bool) -> tuple[list[Piece], li
 def _halved(
     force: Force, begun: list[Piece], boxes: int, length: float
 ) -> tuple[list[Piece], list[Piece], int]:
-    """Pieces halved as long as they are undecided: those with one zero, those that stay so, and the number that was
-    looked at."""
+    """Pieces with one zero, those that stay undecided however they are halved, and how many were looked at."""
     isolated, undecided, waiting = list[Piece](), list[Piece](), deque(begun)
     count = 0
     while waiting and count < boxes:

@@ -1,8 +1,7 @@
 """Continua of points of rest: their dimension at a point, and whether two points lie on one.
 
-Contacts bound a continuum: at an edge of it they touch and carry nothing. A table whose weight stands over one leg
-rests on that leg at any tilt. Where a second leg touches too, its multiplier is zero, and whether it counts as closed
-is for the sides that it leaves to say, not for the sign of that zero.
+At an edge of one contacts touch and carry nothing: a table whose weight stands over one leg rests on it at any tilt.
+Where a second leg touches too its multiplier is zero, and if it counts as closed the sides that it leaves say.
 """
 
 from __future__ import annotations
@@ -22,8 +21,7 @@ from lagcli.statics.rest_equations import LENGTHS, EquilibriumPoint, RestEquatio
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class FoundPoint:
-    """A point with its type, the dimension of the continuum it stands for, and the contacts that touch there, those
-    that carry nothing included."""
+    """A point with its type, the dimension of the continuum it stands for, and all contacts that touch there."""
 
     point: EquilibriumPoint
     type: PointType
@@ -32,8 +30,7 @@ class FoundPoint:
 
 
 class KnownContinua:
-    """The question whether points of one search are connected; free: its equations without contacts, angles: which
-    coordinates are angles."""
+    """Whether points of one search are connected; free: its equations without contacts."""
 
     def __init__(self, free: RestEquations, angles: tuple[bool, ...]) -> None:
         self._free, self._angles = free, np.array(angles, dtype=bool)
@@ -47,8 +44,7 @@ class KnownContinua:
         )
 
     def is_on(self, larger: FoundPoint, smaller: FoundPoint) -> bool:
-        """True if a point alone, or one of a smaller continuum, lies on a larger one, of which it is an edge where more
-        contacts are closed."""
+        """True if a point lies on a larger continuum; at an edge of it more contacts are closed."""
         if larger.dimension <= smaller.dimension or not set(larger.point.closed) <= set(smaller.touching):
             return False
         if smaller.type.is_regular and larger.point.closed == smaller.point.closed:
@@ -111,8 +107,7 @@ def beside_crossing(equations: RestEquations, x: Floats) -> Floats:
 
 
 def _ends(equations: RestEquations, x: Floats, way: Floats, length: float) -> list[Floats]:
-    """The points of rest at a length both ways along a direction: those that are zeros in many digits too, where these
-    are known, as beside a sixth power doubles see no force."""
+    """The points of rest at a length both ways along a direction: zeros in many digits too, where these are known."""
     found, n = [], equations.problem.n
     for sign in (1, -1):
         end = stepped(equations, x, sign * length * way, 1.0)
@@ -186,8 +181,7 @@ def is_straight(equations: RestEquations, x: Floats, way: Floats) -> bool:
 
 
 def with_own_contacts(equations: RestEquations, found: EquilibriumPoint) -> EquilibriumPoint:
-    """A point with only those contacts closed that carry a force or leave no side of themselves free; as it is where it
-    touches nothing without a force, or no continuum goes through it."""
+    """A point where only contacts are closed that carry a force or leave no side free, if a continuum is there."""
     problem, carrying = equations.problem, point_type.carrying(equations, found)
     idle = [k for k in equations.touching(found) if k not in carrying]
     free = equations.closing(carrying)

@@ -94,13 +94,13 @@ class FlatEquations:
         along = np.hstack([others, self._all[:, self.basis.shape[1] :]])
         return FlatEquations(self.equations, self.basis @ axis[:, None], along)
 
-    def settled(self, x: Floats) -> Floats:
-        """x with the equations across satisfied; lambda is made anew, for Newton's steps leave rounding of the largest
-        forces they met."""
+    def settled(self, x: Floats, change: Floats | float = 0.0) -> Floats:
+        """x, with q changed, where the equations across are satisfied; lambda anew: steps leave rounding of forces."""
         n = self.equations.problem.n
         # What is below the rounding of lengths is zero, so that its powers, and lambda of them, are no underflow.
         least = doubles.EPS * self.equations.scales.length
-        q = np.where(np.abs(x[:n]) <= least, 0.0, x[:n])
+        q = x[:n] + change
+        q = np.where(np.abs(q) <= least, 0.0, q)
         balancing = self.equations.multipliers(q)
         x = np.concatenate([q, x[n:] if balancing is None else balancing[0]])
         for _ in range(2):
@@ -167,8 +167,7 @@ class FlatEquations:
         return np.concatenate([np.maximum(np.abs(x[:n]), self.equations.scales.length), np.abs(x[n:])])
 
     def _last_terms(self, x: Floats, sizes: Floats) -> tuple[Floats, Floats] | None:
-        """The last coefficient of the equations where x is a series (unknowns, orders), and the sizes of its terms;
-        None where an operation has none."""
+        """The last coefficient of the equations of series x (unknowns, orders), and the sizes of its terms; or None."""
         problem, count = self.equations.problem, x.shape[1]
         fixed = [constant(value, count) for value in (problem.t, *problem.p.tolist())]
         unknowns = [PowerSeries(*pair) for pair in zip(x, sizes, strict=True)]
@@ -230,9 +229,8 @@ def judged(
 
 
 def balanced(equations: RestEquations, point: EquilibriumPoint, basis: Floats) -> EquilibriumPoint | None:
-    """The point where forces along flat directions (n, k) are rounding of their terms, a step of Newton's away at the
-    most; None at a zero by underflow, as where a function comes so close to its limit that doubles do not differ: such
-    a point is none."""
+    """The point where forces along flat directions (n, k) are rounding of their terms, a Newton step away at most.
+    None at a zero by underflow, as where a function comes so close to its limit that doubles do not differ."""
     if not basis.size:
         return point
     flat = FlatEquations(equations, basis, np.zeros((len(basis), 0)))
@@ -246,15 +244,11 @@ def balanced(equations: RestEquations, point: EquilibriumPoint, basis: Floats) -
         shift = -decompositions.least_squares(slopes, forces)
         if not np.linalg.norm(shift) <= equations.scales.length:
             return None
-        x = flat.settled(_shifted(x, basis @ shift))
+        x = flat.settled(x, basis @ shift)
         found = flat.expanded(x, rays, 2)
     except UnderflowError:
         return None
     return equations.placed(point, x) if found is not None and found.vanishes(2) else None
-
-
-def _shifted(x: Floats, change: Floats) -> Floats:
-    return np.concatenate([x[: change.size] + change, x[change.size :]])
 
 
 def _of_powers(flat: FlatEquations, begin: Floats, verdict: FlatVerdict) -> FlatVerdict | None:
@@ -298,8 +292,7 @@ def _of_powers(flat: FlatEquations, begin: Floats, verdict: FlatVerdict) -> Flat
 def _of_first_power(
     flat: FlatEquations, x: Floats, rays: tuple[Floats, Floats], orders: int, verdict: FlatVerdict
 ) -> FlatVerdict | None:
-    """The verdict of the first power that does not vanish, by a few rays, and of those beyond it, by all; None where
-    there is no such one."""
+    """The verdict of the first power that does not vanish, by few rays, and of those beyond, by all; or None."""
     found = flat.expanded(x, rays[0], orders)
     if found is None:
         return None
@@ -361,7 +354,7 @@ def _moved(flat: FlatEquations, x: Floats, found: _Expansion, power: int) -> tup
             return None
         if length >= last / 2 or length == 0.0:
             break
-        x = flat.settled(_shifted(x, flat.basis @ shift))
+        x = flat.settled(x, flat.basis @ shift)
         expanded = flat.expanded(x, found.rays, power)
         if expanded is None:
             return None

@@ -1,9 +1,8 @@
 """Points where an extreme may need no lambda: where the function has a kink or a pole, or rows depend on each other.
 
-The shortest sum of distances to the corners of an obtuse triangle is that from the corner itself; |x - 1| + x^2/4 is
-least at 1. Candidates are the stationary points on the surface u = 0 of sqrt(u), |u|, u^(1/3) or the difference u of
-min and max, with some inequalities closed; slopes on all sides that are open tell the type. Where a divisor vanishes,
-or what a logarithm is taken of, there is no value: such a place is named, with what the function does beside it.
+|x - 1| + x^2/4 is least at 1. Candidates are the stationary points on the surface u = 0 of sqrt(u), |u|, u^(1/3) or the
+difference u of min and max, with some inequalities closed; slopes on all sides that are open tell the type. Where a
+divisor vanishes, or what a logarithm is taken of, the place is named, with what the function does beside it.
 """
 
 from __future__ import annotations
@@ -44,8 +43,7 @@ _INNER = (ca.OP_SQRT, ca.OP_SQ, ca.OP_FABS, ca.OP_NEG, ca.OP_TWICE)
 
 
 class Kink(NamedTuple):
-    """A kink where `argument` (1, 1) is zero; number: of the operation that makes it, among those that make kinks, None
-    of a pole; word: its name."""
+    """A kink where `argument` is zero; number: of its operation among those that make kinks, None of a pole."""
 
     word: str
     argument: ca.SX
@@ -91,8 +89,7 @@ def _argument(op: int, parts: Sequence[ca.SX]) -> ca.SX | None:
 
 
 def on_kinks(problem: StaticProblem, there: Sequence[Kink]) -> StaticProblem:
-    """The problem on the surface u = 0 of all of some kinks, or of a pole, of the function with the results of these
-    kinks as they are there."""
+    """The problem on u = 0 of some kinks, or of a pole, with their results as they are there."""
     laws, numbers, passed = problem.laws, {kink.number for kink in there}, itertools.count()
 
     def put(op: int, parts: list[ca.SX], result: ca.SX) -> ca.SX:
@@ -177,8 +174,7 @@ def kind_at(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | Non
             along = str(point_type.classify(equations, point, True)[0].kind)
 
     def changes(ways: Floats, distance: float = h) -> Floats:
-        """f - f(q) at a distance along directions (m, n) and at a thousandth of it, (2, m); nan beyond a contact and
-        beyond the domain of a root."""
+        """f - f(q) at a distance along directions (m, n) and at a thousandth of it, (2, m); nan where there is none."""
         found = np.full((2, len(ways)), np.nan)
         for k in np.flatnonzero((values.G[near] @ ways.T >= -doubles.VALUE * steepest).all(axis=0)):
             both = [problem.value(q + part * distance * ways[k]) - here for part in (1.0, 1e-3)]
@@ -264,8 +260,7 @@ def pole_sentences(search: PointSearch, known: Sequence[Kink], names: Sequence[s
 
 
 def _beside(search: PointSearch, on_pole: StaticProblem, q: Floats, value: str) -> str:
-    """A sentence on the function beside a place where it has no value, by values at three distances, each a hundredth
-    of the one before: of a logarithm they change by the same."""
+    """What the function does beside a pole, by values at three distances: of a logarithm they change by the same."""
     rows = on_pole.at(on_pole.t, q, on_pole.nothing).dc[:-1]
     ways = _drawn(rank.null_basis(decompositions.unit(rows)))
     far, middle, near = (
@@ -286,8 +281,7 @@ def _beside(search: PointSearch, on_pole: StaticProblem, q: Floats, value: str) 
 
 
 def notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:
-    """Sentences on extremes at kinks and poles; `value`: the function that is asked for. Points of another type that
-    the search has listed there are none."""
+    """Sentences on extremes at kinks and poles; points of another type that the search has there are taken out."""
     problem, laws, limits = search.problem, search.problem.laws, point_search.PARAMETERS
     jumps = [
         f"`{each.kind.word}`"
@@ -341,11 +335,10 @@ def notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:
 
 
 def singular_notes(search: PointSearch, names: Sequence[str], value: str) -> list[str]:
-    """Sentences on points where the gradients of rows and closed contacts depend on each other: there the multiplier
-    rule need not hold. `value`: the function that is asked for.
+    """Sentences on points where gradients depend on each other, and the multiplier rule need not hold.
 
-    At such a point a function may be smallest although no lambda balances its gradient: min x on x^3 = y^2; and with
-    contacts max x on 0 <= y <= (1 - x)^3 (Kuhn and Tucker), where multipliers of one sign balance each other.
+    min x on x^3 = y^2; with contacts max x on 0 <= y <= (1 - x)^3 (Kuhn and Tucker), where multipliers of one sign
+    balance each other. `value`: the function that is asked for.
     """
     problem, limits = search.problem, point_search.PARAMETERS
     if problem.n > limits.most_coordinates or len(problem.times) > 1:
@@ -366,8 +359,7 @@ def singular_notes(search: PointSearch, names: Sequence[str], value: str) -> lis
 
 
 def _singular(search: PointSearch, closed: tuple[int, ...]) -> Iterator[Floats]:
-    """Configurations on the surface where rows and these closed contacts, independent elsewhere, depend on each
-    other."""
+    """Configurations where rows and these closed contacts, independent elsewhere, depend on each other."""
     problem, scales = search.problem, search.scales
     random = np.random.default_rng(search.options.seed + 1)
     # Rows that are independent at a point anywhere; none where contacts are not independent of them

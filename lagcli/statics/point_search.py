@@ -350,24 +350,22 @@ class PointSearch:
 
 
 def typed_point(equations: RestEquations, found: EquilibriumPoint, has_potential: bool) -> FoundPoint | None:
-    """A point with its type, where curvatures vanish to more digits; None where it is none: all is flat because it is
-    far away, or forces are below what doubles tell."""
+    """A point with its type and more digits; None where it is none: far away, or balanced by rounding alone."""
     nearest, is_exact = _nearest_zero(equations, found)
     return None if nearest is None else _typed_zero(equations, nearest, has_potential, is_exact)
 
 
 def _nearest_zero(equations: RestEquations, found: EquilibriumPoint) -> tuple[EquilibriumPoint | None, bool]:
-    """The point that is meant by one that may be degenerate, None where it is none; and whether it is known in many
-    digits."""
+    """The point that is meant by one that may be degenerate, or None; and if it is known in many digits."""
     equations = equations.closing(found.closed)
     x = equations.unknowns(found.q)
     is_rounding = equations.rounding(x) > doubles.ZERO
     if not is_rounding and not precise_zeros.is_doubtful(equations, x):
         return found, False
     zero = precise_zeros.nearest(equations, x)
-    if zero is None and precise_zeros.is_known(equations, x):
+    if zero is None and (program := precise_zeros.known(equations, x)) is not None:
         # Where the balance is rounding, and many digits lead nowhere, multipliers grow without bound.
-        zero = None if is_rounding else precise_zeros.led_to(equations, x)
+        zero = None if is_rounding else precise_zeros.led_to(equations, program, x)
         if zero is None:
             return None, False
     if zero is None or zero is x:

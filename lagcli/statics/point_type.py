@@ -1,14 +1,13 @@
 """The kind of a point of rest: the bordered Hessian, restricted to the directions the rows leave (D.25).
 
-A contact that touches and carries nothing holds nothing, but one may not pass it. The sign of u^T H u on the cone of
-what is left decides (strict copositivity), and not the eigenvalues of H: on x >= 0, y >= 0 nothing is less than
-x y + x^2 + y^2 - 3 x y / 2 at 0.
+A contact that touches and carries nothing holds nothing, but one may not pass it: the sign of u^T H u on the cone of
+what is left decides (strict copositivity), and not eigenvalues: on x >= 0, y >= 0 nothing is less than x y + x^2 + y^2
+at 0.
 
 Where gradients depend on each other many multipliers balance a point. To first order a function falls along no allowed
-direction, B d = 0 and G d >= 0, where there are multipliers of contacts >= 0 (Farkas), and rises along none where there
-are some <= 0. Of second order it falls along d where the curvature of the Lagrangian does for all such multipliers, if
-these are bounded; it is a minimum where it rises for one of them along all d (Ben-Tal, J. Optim. Theory Appl. 31 (1980)
-143).
+direction, B d = 0 and G d >= 0, where there are multipliers of contacts >= 0 (Farkas), and rises along none where some
+are <= 0. It falls along d where the curvature does for all such multipliers, if these are bounded; it is a minimum
+where it rises for one of them along all d (Ben-Tal, J. Optim. Theory Appl. 31 (1980) 143).
 """
 
 from __future__ import annotations
@@ -255,8 +254,7 @@ def _of_one_sign(equations: RestEquations, point: EquilibriumPoint) -> _SharedMu
 def _of_many_multipliers(
     equations: RestEquations, shared: _SharedMultipliers, Z: Floats
 ) -> tuple[Kind, int] | None:
-    """The kind and the index along directions Z (n, d) where curvatures are not the same for all multipliers; None
-    where one choice of them gives these."""
+    """The kind and index along Z (n, d) where curvatures differ by the choice of multipliers, else None."""
     if not shared.are_told:
         return "degenerate", 0
     if not Z.shape[1]:

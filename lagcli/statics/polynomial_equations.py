@@ -1,8 +1,7 @@
 """Equations of a problem as polynomials with exact rational coefficients, where they are such.
 
-Angles that occur in sines and cosines alone become two unknowns s, c with s^2 + c^2 = 1; a square root becomes an
-unknown w with w^2 = what it is of. Decimals of a model are taken as they are written: a number with more digits than
-anybody writes is none, and the equations are not exact then.
+Angles in sines and cosines alone become unknowns s, c with s^2 + c^2 = 1; a square root becomes w with w^2 = what it is
+of. Decimals are taken as they are written; with a number of more digits than anybody writes nothing is exact.
 """
 
 from __future__ import annotations
@@ -111,8 +110,7 @@ class PolynomialEquations:
 
 
 def exact(value: float) -> Fraction:
-    """A number as it was written, with twelve digits or as a quotient, or computed of such numbers. Raises
-    `NotPolynomial` for one that nobody wrote."""
+    """A number as it was written, with twelve digits or as a quotient. Raises `NotPolynomial` where nobody wrote it."""
     if math.isfinite(value):
         for number in (Fraction(f"{value:.11e}"), Fraction(value).limit_denominator(1000)):
             if abs(float(number) - value) <= 2 * math.ulp(value):  # what a sum of two is off
@@ -127,8 +125,7 @@ def equations(
     order: CountedOrder,
     asked: Program | None = None,
 ) -> PolynomialEquations:
-    """A function of (unknowns, parameters) as polynomials that vanish, and one that is asked for its signs. Raises
-    `NotPolynomial`, `SpentError`."""
+    """A function of (unknowns, parameters) as polynomials, and one for signs. Raises `NotPolynomial`, `SpentError`."""
     programs = [program] if asked is None else [program, asked]
     steps = [step for each in programs for step in each.steps]
     # The unknowns on which arguments of sines and cosines depend
@@ -179,8 +176,7 @@ def equations(
 
 
 class _Translation:
-    """Operations in quotients of polynomials: roots, denominators of the equations, and divisors of what is asked for
-    beside them."""
+    """Operations in quotients of polynomials, with their roots, denominators, and divisors of what is asked for."""
 
     def __init__(self, ring: PolyRing, unknowns: int, angles: tuple[int, ...]) -> None:
         self._ring, self._one = ring, ring.one

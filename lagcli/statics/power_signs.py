@@ -1,14 +1,11 @@
 """The signs of a function about zero, by the powers that are known of it on rays.
 
-Of one variable the first power decides. Of two Newton's polygon does, so that what the first form leaves open the next
-ones decide: on a branch b = s a^w, a > 0, the terms of least weight i + w j of sum C_ij a^i b^j decide; the slopes w
-are those of the polygon's edges, and the terms on an edge are a polynomial of s. Where this touches zero, the branch
-b = s a^w + b' goes on with the slopes beyond w (Newton, Puiseux). A function that is positive on all edges has a strict
-minimum.
+Of one variable the first power decides, of two Newton's polygon: on a branch b = s a^w, a > 0, the terms of least
+weight i + w j of sum C_ij a^i b^j decide; the slopes w are those of the polygon's edges, and the terms on an edge are a
+polynomial of s. Where this touches zero, the branch b = s a^w + b' goes on with the slopes beyond w (Newton, Puiseux).
 
 Of more variables one after another gets a weight, as large as a term allows that holds those without one, and the terms
-of weight one decide: a function of these is positive if it is so on the sides of a box, which are halved until bounds
-of it say so.
+of weight one decide, by their bounds on the sides of a box, which are halved.
 """
 
 from __future__ import annotations
@@ -45,8 +42,7 @@ class PowerSigns:
 
 
 def of_powers(rays: Floats, forms: Floats, roundings: Floats, power: int) -> tuple[PowerSigns, PowerSigns]:
-    """The signs on both sides of zero of a function with the powers s, s^2, ... `forms` (rays, orders) on rays (rays,
-    k), those below `power` zero."""
+    """The signs on both sides of zero, by `forms` (rays, orders) of s, s^2, .. on rays (rays, k), 0 below `power`."""
     k, form, rounding = rays.shape[1], forms[:, power - 1], roundings[:, power - 1]
     seen = PowerSigns(bool((form > rounding).any()), bool((form < -rounding).any()), k == 1)
     if power % 2 or (seen.rises and seen.falls):
@@ -57,27 +53,12 @@ def of_powers(rays: Floats, forms: Floats, roundings: Floats, power: int) -> tup
 
 
 def _of_two(rays: Floats, forms: Floats, roundings: Floats, power: int) -> tuple[PowerSigns, PowerSigns]:
-    """The signs by Newton's polygon, with b along the direction on which the first form is largest."""
-    turned = rays @ _axes_of_two(rays, forms[:, power - 1], roundings[:, power - 1], power)
-    orders = forms.shape[1]
-    sides: list[dict[tuple[Fraction, int], tuple[float, float]]] = [{}, {}]
-    for order in range(power, orders + 1):
-        exponents, values, floors = _coefficients(turned, forms[:, order - 1], roundings[:, order - 1], order)
-        for (i, j), value, floor in zip(exponents, values.tolist(), floors.tolist(), strict=True):
-            sides[0][Fraction(i), j] = value, floor
-            sides[1][Fraction(i), j] = value * (-1) ** i, floor
-    for terms in sides:
-        terms[Fraction(1), power - 1] = 0.0, 0.0  # by the choice of the axes, but for their own rounding
-    above, below = (_signs(terms, Fraction(0), orders) for terms in sides)
-    return above, below
-
-
-def _axes_of_two(rays: Floats, form: Floats, rounding: Floats, power: int) -> Floats:
-    """Axes (2, 2) in columns, the second where a form is largest on the circle, to rounding.
+    """The signs by Newton's polygon, with b along the direction on which the first form is largest on the circle.
 
     Of a power of a linear function all other terms vanish then. Beside that direction, as on a ray, they are small in
     turn, and the last of them, which decides the signs, is lost in rounding before the one above it is.
     """
+    form, rounding, orders = forms[:, power - 1], roundings[:, power - 1], forms.shape[1]
     b = rays[int(np.argmax(np.abs(form)))]
     axes = np.column_stack([[b[1], -b[0]], b])
     exponents, values, _ = _coefficients(rays @ axes, form, rounding, power)
@@ -92,7 +73,17 @@ def _axes_of_two(rays: Floats, form: Floats, rounding: Floats, power: int) -> Fl
     # There is none where the form is the same all around.
     nearest = float(real[int(np.argmin(np.abs(real)))]) if real.size else 0.0
     turn = 1 / np.hypot(1.0, nearest) * np.array([[1.0, nearest], [-nearest, 1.0]])
-    return np.asarray(axes @ turn)
+    turned = rays @ np.asarray(axes @ turn)
+    sides: list[dict[tuple[Fraction, int], tuple[float, float]]] = [{}, {}]
+    for order in range(power, orders + 1):
+        exponents, values, floors = _coefficients(turned, forms[:, order - 1], roundings[:, order - 1], order)
+        for (i, j), value, floor in zip(exponents, values.tolist(), floors.tolist(), strict=True):
+            sides[0][Fraction(i), j] = value, floor
+            sides[1][Fraction(i), j] = value * (-1) ** i, floor
+    for terms in sides:
+        terms[Fraction(1), power - 1] = 0.0, 0.0  # by the choice of the axes, but for their own rounding
+    above, below = (_signs(terms, Fraction(0), orders) for terms in sides)
+    return above, below
 
 
 def _of_many(rays: Floats, forms: Floats, roundings: Floats, power: int) -> tuple[PowerSigns, PowerSigns]:
@@ -252,8 +243,7 @@ def _signs(terms: Terms, slope: Fraction, orders: int) -> PowerSigns:
 def _on_edge(
     terms: Terms, edge: Floats, first: int, line: tuple[Fraction, Fraction], orders: int
 ) -> PowerSigns:
-    """The signs on the branches of one edge, sum c_j s^j with the least power `first`, where it touches zero those of
-    the branches beyond."""
+    """The signs on the branches of one edge, sum c_j s^j from `first` on; where it touches zero of those beyond."""
     if first % 2 or edge.shape[1] % 2 == 0:
         return PowerSigns(True, True, True)
     c, e = edge[:, first:]

@@ -1,8 +1,7 @@
 """A zero of the equations of rest in many digits: where curvatures vanish doubles tell it to a part of theirs.
 
-Newton's steps come nearer by a part of the way each there, four fifths at a sixth power, and forces vanish with its
-powers: three hundred digits hold what is left of them where the point has twenty. Numbers are taken as they are
-written.
+Newton's steps come nearer by a part of the way there, and forces vanish with its powers: three hundred digits hold what
+is left of them where the point has twenty. Numbers are taken as they are written.
 """
 
 from __future__ import annotations
@@ -46,12 +45,13 @@ def is_doubtful(equations: RestEquations, x: Floats) -> bool:
     return bool(sizes.size and sizes[-1] <= rest_equations.SMALL * max(1.0, sizes[0]))
 
 
-def is_known(equations: RestEquations, x: Floats) -> bool:
-    """True if the equations have many digits: they are few, for the cost grows with the cube of their number, and hold
-    no t and no function that is not known in them."""
+def known(equations: RestEquations, x: Floats) -> Program | None:
+    """The equations with their gradient, where they have many digits: they are few, for the cost grows with the cube of
+    their number, and hold no t and no function that is not known in them."""
     if len(equations.problem.times) > 1 or x.size > 12 or equations.closed is None:
-        return False
-    return _has_digits(equations.problem.precise_program(tuple(equations.contacts)))
+        return None
+    program = equations.problem.precise_program(equations.closed)
+    return program if _has_digits(program) else None
 
 
 def _has_digits(program: Program) -> bool:
@@ -65,14 +65,12 @@ def _has_digits(program: Program) -> bool:
 def nearest(equations: RestEquations, x: Floats) -> Floats | None:
     """The zero (k,) of the equations that Newton's steps from x come to, as doubles; None where they come to none near
     by, and where the equations are large, hold t or a function that is not known in many digits."""
-    if not is_known(equations, x):
-        return None
-    problem = equations.problem
-    n, length = problem.n, equations.scales.length
-    found = _approached(problem, equations.problem.precise_program(tuple(equations.contacts)), x, length)
+    problem, length, program = equations.problem, equations.scales.length, known(equations, x)
+    found = None if program is None else _approached(problem, program, x, length)
     if found is None:
         return None
     # What is below the rounding of lengths is zero.
+    n = problem.n
     found[:n] = np.where(np.abs(found[:n]) <= doubles.EPS * length, 0.0, found[:n])
     # A point that is right to rounding, its multipliers too, stays where doubles balance.
     moved = np.abs(found - x)
@@ -82,16 +80,13 @@ def nearest(equations: RestEquations, x: Floats) -> Floats | None:
 
 
 def is_met(problem: StaticProblem, q: Floats, length: float) -> bool:
-    """True if all conditions of a problem are zero together at or near q (n,), by Newton's steps in many digits: the
-    least value of one may be less than doubles tell. Conditions with a function that is not known in them are taken to
-    be."""
+    """True if all conditions are zero together at or near q (n,), or have no functions known in many digits."""
     program = problem.with_gradient(problem.laws.c)
     return not _has_digits(program) or _approached(problem, program, q, length) is not None
 
 
 def _approached(problem: StaticProblem, program: Program, x: Floats, length: float) -> Floats | None:
-    """The zero (k,) near x of the values of a program, which are followed by their gradients; None where Newton's steps
-    come to none."""
+    """The zero (k,) near x of the values of a program, with their gradients behind them; None where none is met."""
     with decimal.localcontext(ZEROS):
         at = _AtPoint(problem, program, x, length, ARRIVED)
         # At a power of twelve each step leaves ten elevenths of the way.
@@ -99,12 +94,11 @@ def _approached(problem: StaticProblem, program: Program, x: Floats, length: flo
         arrived = None if end is None else at(end.x)
         if end is None or arrived is None or not arrived.is_there:
             return None
-        return np.array([float(value) for value in end.x])
+        return end.x.astype(float)
 
 
 def value(problem: StaticProblem, q: Floats) -> float:
-    """The value at a place (n,), of which cancelling leaves all digits where it is known in many; nan where there is
-    none."""
+    """The value at a place (n,), of which cancelling leaves all digits that are known; nan where there is none."""
     if not _has_digits(problem.value_program):
         return problem.value(q)
     with decimal.localcontext(SIGNS):
@@ -116,64 +110,57 @@ def value(problem: StaticProblem, q: Floats) -> float:
             return np.nan
 
 
-def led_to(equations: RestEquations, x: Floats) -> Floats | None:
-    """x (k,), or where Newton's first step from there in many digits leaves its neighbourhood the zero that the steps
-    lead to, however far; None where they lead to none: beside terms of 1e14, and along a direction that is hardly held,
-    doubles see no force where no zero is near."""
+def led_to(equations: RestEquations, program: Program, x: Floats) -> Floats | None:
+    """x (k,), or where Newton's first step in many digits leaves its neighbourhood the zero it leads to, or None:
+    beside terms of 1e14, and along a direction that is hardly held, doubles see no force where no zero is near."""
     with decimal.localcontext(SIGNS):
-        length = equations.scales.length
-        at = _AtPoint(
-            equations.problem,
-            equations.problem.precise_program(tuple(equations.contacts)),
-            x,
-            length,
-            _rounding(),
-            math.inf,
-        )
+        at = _AtPoint(equations.problem, program, x, equations.scales.length, _rounding(), math.inf)
         begun = at(at.begun)
         if begun is None or begun.distance <= LENGTHS.near:
             return x
         end = surface.approach(at, at.begun)
-        return np.array([float(value) for value in end.x]) if end is not None and end.is_met else None
+        return end.x.astype(float) if end is not None and end.is_met else None
 
 
 def signs(equations: RestEquations, x: Floats) -> tuple[int, int, int] | None:
     """How many curvatures of the function, on what rows and closed contacts leave at the zero next to x, are positive,
     negative and zero. None where Newton's steps do not square their length, as beside a zero that is degenerate, or
     where a number of the equations is not exact: a curvature might be its rounding."""
-    if not is_known(equations, x):
+    n, problem, program = equations.problem.n, equations.problem, known(equations, x)
+    if program is None:
         return None
-    n, problem, steps = (
-        equations.problem.n,
-        equations.problem,
-        equations.problem.precise_program(tuple(equations.contacts)).steps,
-    )
-    try:
-        for value in (problem.t, *problem.p.tolist(), *(step[-1] for step in steps if step[0] == "const")):
-            polynomial_equations.exact(value)
-    except polynomial_equations.NotPolynomial:
+    constants = (step[-1] for step in program.steps if step[0] == "const")
+    if any(_written(value) is None for value in (problem.t, *problem.p.tolist(), *constants)):
         return None
     with decimal.localcontext(SIGNS):
-        length = equations.scales.length
-        at = _AtPoint(
-            problem, equations.problem.precise_program(tuple(equations.contacts)), x, length, _rounding()
-        )
+        at = _AtPoint(problem, program, x, equations.scales.length, _rounding())
         end = surface.approach(at, at.begun)
         there = at(end.x) if end is not None and end.is_met else None
         if there is None:
             return None
-        # Vectors that span what rows leave
+        # Vectors that span what rows leave, and the curvatures along them
         K, rows = there.gradients[:n, :n], there.gradients[n:, :n]
         done, _ = precise_rows.eliminated(rows.tolist(), n, _largest(rows) * _rounding())
         taken = {j for j, _ in done}
         units = [[Decimal(i == j) for i in range(n)] for j in range(n) if j not in taken]
         free = np.array([_with_pivots(done, unit, [ZERO] * len(done)) for unit in units], dtype=object)
-        return _inertia(-free @ K @ free.T, _largest(K)) if units else (0, 0, 0)
+        H = -free @ K @ free.T if units else np.zeros((0, 0), dtype=object)
+        up = down = 0
+        while (largest := _largest(H)) > _largest(K) * _rounding():
+            i = int(np.argmax(np.abs(H.diagonal())))
+            if abs(H[i, i]) < largest:  # along x_i = +-x_j, one of the two, there is more
+                i, j = divmod(int(np.argmax(np.abs(H))), len(H))
+                sign = 1 if (H[i, i] + H[j, j]) * H[i, j] >= 0 else -1
+                H[i] += sign * H[j]
+                H[:, i] += sign * H[:, j]
+            up, down = up + (H[i, i] > 0), down + (H[i, i] < 0)
+            others = np.arange(len(H)) != i
+            H = (H - np.outer(H[:, i], H[i]) / H[i, i])[others][:, others]
+        return up, down, len(H)
 
 
 class _AtPoint:
-    """The values of a program, which are followed by their gradients, at a point (k,) of `Decimal`, in the digits of
-    the context; None where there are none, and far from x."""
+    """A program, values and their gradients, at a point (k,) of `Decimal`; None without values and far from x."""
 
     def __init__(
         self,
@@ -255,19 +242,3 @@ def _with_pivots(done: list[tuple[int, Numbers]], x: Numbers, right: Numbers) ->
     for (j, row), value in reversed(list(zip(done, right, strict=True))):
         x[j] = (value - sum((row[i] * x[i] for i in range(len(x)) if x[i] and i != j), ZERO)) / row[j]
     return x
-
-
-def _inertia(H: Point, unit: Decimal) -> tuple[int, int, int]:
-    """The numbers of positive, negative and zero eigenvalues of a symmetric matrix (k, k) whose entries have a size."""
-    up = down = 0
-    while (largest := _largest(H)) > unit * _rounding():
-        i = int(np.argmax(np.abs(H.diagonal())))
-        if abs(H[i, i]) < largest:  # along x_i = +-x_j, one of the two, there is more
-            i, j = divmod(int(np.argmax(np.abs(H))), len(H))
-            sign = 1 if (H[i, i] + H[j, j]) * H[i, j] >= 0 else -1
-            H[i] += sign * H[j]
-            H[:, i] += sign * H[:, j]
-        up, down = up + (H[i, i] > 0), down + (H[i, i] < 0)
-        others = np.arange(len(H)) != i
-        H = (H - np.outer(H[:, i], H[i]) / H[i, i])[others][:, others]
-    return up, down, len(H)

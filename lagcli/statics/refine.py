@@ -33,8 +33,7 @@ OFF = 100 * doubles.ZERO
 
 
 def solve(residual: Residual, x: Floats, damped: int = 200) -> NewtonEnd | None:
-    """The zero that so many damped steps lead to, refined; or the point with the least residual met. None where the
-    residual has no value at the start."""
+    """The zero that so many damped steps lead to, refined, or the least residual met; None without a value at x."""
     begun = residual(x)
     if begun is None:
         return None
@@ -123,10 +122,7 @@ class _Linear:
 def nearest_equilibrium(
     problem: StaticProblem, begin: Floats, asides: Sequence[float] = OFFSETS
 ) -> EquilibriumPoint | NoEquilibrium:
-    """The point of rest reached from a configuration: by damped Newton steps, and from beside it where these fail.
-
-    Contacts push: 0 <= lambda, 0 <= g, and one of them is zero.
-    """
+    """The point of rest reached from a configuration, or from beside it; 0 <= lambda, 0 <= g, one of them zero."""
     free = RestEquations(problem, (), rest_equations.scales(problem, begin))
     random = np.random.default_rng(20061)
     best = NoEquilibrium(np.inf, begin)
@@ -197,8 +193,7 @@ def onto(equations: RestEquations, q: Floats) -> Floats | None:
 
 
 def lowest(equations: RestEquations, q: Floats, sign: float) -> Floats | None:
-    """A configuration near the bottom (sign 1) or the top (-1) that lies downhill or uphill of q; None where the
-    surface is not met."""
+    """A configuration near the bottom (sign 1) or top (-1) downhill or uphill of q; None off the surface."""
     problem, scales = equations.problem, equations.scales
     point = onto(equations, q)
     if point is None:
@@ -241,10 +236,7 @@ def lowest(equations: RestEquations, q: Floats, sign: float) -> Floats | None:
 
 
 def near_zeros(equations: RestEquations, x: Floats) -> Iterator[Floats]:
-    """Points next to zeros of the equations, on both ways of the path through x.
-
-    None are given where the equations are not as many as the unknowns, or x is a zero itself.
-    """
+    """Points next to zeros on both ways of the path through x; none of equations that are not as many as x, or at 0."""
     found = equations(x)
     if found is None or found[1].shape[0] != found[1].shape[1] or np.linalg.norm(found[0]) <= OFF:
         return
@@ -293,8 +285,7 @@ def near_zeros(equations: RestEquations, x: Floats) -> Iterator[Floats]:
 
 
 def deflated(equations: RestEquations, known: Sequence[Floats], angles: Sequence[bool]) -> Residual:
-    """The residual of some equations without the zeros at known configurations, the latest of them; angles count by
-    their sines."""
+    """The equations without the zeros at known configurations, the latest of them; angles count by their sines."""
     n, size, are_angles = equations.problem.n, equations.scales.length, np.array(angles, dtype=bool)
 
     def residual(x: Floats) -> tuple[Floats, Floats] | None:

@@ -71,8 +71,7 @@ class Scales:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class EquilibriumPoint:
-    """A point of rest: q (n,), lambda of all rows at the start time (C + K,), the closed contacts by their numbers, and
-    the largest |F + B^T lambda|, |c|, |g of a closed contact|."""
+    """q (n,), lambda (C + K,) at the start time, closed contacts, the largest |F + B^T lambda|, |c|, |g| of these."""
 
     q: Floats
     lam: Floats
@@ -170,8 +169,7 @@ class RestEquations:
         return found
 
     def begun(self, q: Floats) -> Floats | None:
-        """The unknowns at a configuration, with the multipliers that come closest to balance; None where there are
-        none."""
+        """The unknowns at a configuration with the multipliers that come closest to balance; None without a value."""
         each = self.multipliers(q)
         return None if each is None else np.concatenate([q, *each])
 
@@ -242,8 +240,7 @@ class RestEquations:
         return float(worst)
 
     def rounding(self, x: Floats) -> float:
-        """What rounding leaves of the forces, by the sizes of all they are computed from, as a part of the largest; 0
-        where an operation has no series, or contacts are not told apart."""
+        """What rounding leaves of the forces by the sizes of their terms, a part of the largest; 0 where not known."""
         if self.closed is None or len(self.problem.times) > 1:
             return 0.0
         n, problem = self.problem.n, self.problem

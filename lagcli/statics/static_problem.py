@@ -104,8 +104,7 @@ def of_rest(system: System, levels: Sequence[EnforcedLevel]) -> StaticLaws:
 
 
 def of_function(system: System, f: ca.SX, levels: Sequence[EnforcedLevel]) -> StaticLaws:
-    """The equations of a stationary point of f(q) on the holonomic surfaces and on levels, whose rows come last in
-    B."""
+    """The equations of a stationary point of f(q) on holonomic surfaces and levels, whose rows come last in B."""
     q, on_levels = system.symbols.q, _column([level.expression for level in levels])
     return _laws(
         system,
@@ -137,8 +136,7 @@ def _column(parts: Sequence[ca.SX]) -> ca.SX:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Values:
-    """At one t and q: F (n,), B (C, n), c (k,) with its gradient (k, n), g (K,), G (K, n), and K (n, n), the gradient
-    of F + B^T lambda by q."""
+    """F (n,), B (C, n), c (k,), dc (k, n), g (K,), G (K, n), and K (n, n), the gradient of F + B^T lambda by q."""
 
     F: Floats
     B: Floats
@@ -245,8 +243,7 @@ class StaticProblem:
         return float(self._value(self.t, q, self.p)[0])
 
     def has_value(self, q: Floats) -> bool:
-        """False beyond the domain of the function, where its gradient may vanish all the same, as that of
-        log(x) + x does at -1."""
+        """False beyond the domain, where the gradient may vanish all the same, as that of log(x) + x does at -1."""
         return bool(np.isfinite(self.value(q)))
 
     def driving(self, q: Floats) -> tuple[Floats, Floats]:
@@ -255,8 +252,7 @@ class StaticProblem:
         return found.full().ravel(), gradient.full()
 
     def is_beyond(self, q: Floats, part: float) -> bool:
-        """True if q lies on or beyond the singular points of an integral, but for a part of the way to them: then it is
-        on another leaf of the same level."""
+        """True if q is on another leaf of a level: beyond singular points, but for a part of the way to them."""
         if not self.laws.sides.numel():
             return False
         there, here = (self._value(self.t, each, self.p)[3].full() for each in (q, self.begin))
@@ -277,15 +273,13 @@ class StaticProblem:
         return self.of_place(part, ca.jacobian(part, self.laws.q))
 
     def exact_programs(self, closed: tuple[int, ...]) -> tuple[Program, Program]:
-        """All equations with these contacts closed, and the gaps of the others with the sides of leaves: of (q, lambda)
-        and of (t, p)."""
+        """All equations with these contacts closed, and the other gaps with sides of leaves; of (q, lambda), (t, p)."""
         others = [k for k in range(self.K) if k not in closed]
         signs = [self.laws.g[others], self.laws.sides]
         return program.written_out(self._balance(closed)), program.written_out(self._balance(closed, signs))
 
     def precise_program(self, closed: tuple[int, ...]) -> Program:
-        """All equations with these contacts closed (m,), then their gradient column by column (m, k), as a function of
-        k unknowns (q, lambda) and of (t, p)."""
+        """Equations with these contacts closed (m,), then their gradient by columns (m, k); of (q, lambda), (t, p)."""
         if closed not in self._precise:
             f = self._balance(closed)
             x, numbers = (ca.SX.sym("x", f.size1_in(i)) for i in range(2))

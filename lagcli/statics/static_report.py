@@ -138,17 +138,15 @@ class PointColumns:
         positions = self._positions(self._t, q, self._p).full().ravel().tolist()
         return _named([*names, *generalized], [*positions, *q[q.size - len(generalized) :].tolist()])
 
-    def reactions(self, q: Floats, lam: Floats) -> dict[str, float]:
-        """R of all particles, then of the generalized coordinates; lam (C + K,)."""
+    def reactions(self, q: Floats, lam: Floats, are_of_rows: bool) -> dict[str, float]:
+        """R of all particles, then of the generalized coordinates, lam (C + K,); or, by the coordinates, the sum of
+        lambda_i times the gradients."""
         R, Q = (part.full().ravel().tolist() for part in self._reactions(self._t, q, lam, self._p))
+        if are_of_rows:
+            return _named([f"R.{name}" for name in self._model.coordinate_names], Q)
         names = [f"R.{name}.{axis}" for name in self._model.particle_names for axis in "xyz"]
         names += [f"R.{name}" for name in self._model.generalized_names]
         return _named(names, [*R, *Q[len(Q) - len(self._model.generalized_names) :]])
-
-    def row_reactions(self, q: Floats, lam: Floats) -> dict[str, float]:
-        """The sum of lambda_i times the gradients, by the columns of the coordinates."""
-        Q = self._reactions(self._t, q, lam, self._p)[1].full().ravel().tolist()
-        return _named([f"R.{name}" for name in self._model.coordinate_names], Q)
 
 
 def place(names: Sequence[str], q: Floats) -> str:
@@ -161,8 +159,7 @@ def _named(names: Sequence[str], values: list[float]) -> dict[str, float]:
 
 
 def potential_origin(problem: StaticProblem) -> Origin:
-    """The potential of the forces at rest: as declared, of forces that have one by their gradient, or none; by values
-    at random points."""
+    """The potential at rest, by values at random points: as declared, of forces that have one, or none."""
     random = np.random.default_rng(7)
     size = float(np.abs(problem.begin).max(initial=0.0)) or 1.0
     found: Origin = "declared"

@@ -2,9 +2,8 @@
 
 Rational univariate representation (Rouillier, *Solving zero-dimensional systems*, 1999): t is a sum of the unknowns
 with whole weights, f the squarefree part of the characteristic polynomial of multiplication by t, and any function v is
-g_v(t)/g_1(t) at a zero, with the polynomials g_v of traces. So zeros are roots of f, isolated in exact arithmetic, and
-a sign is that of an enclosure without zero, or zero where g_v and f have the root in common. Multiplicities change
-nothing.
+g_v(t)/g_1(t) at a zero, with polynomials g_v of traces. A sign is that of an enclosure without zero, or zero where g_v
+and f have the root in common.
 """
 
 from __future__ import annotations
@@ -28,8 +27,7 @@ BITS = tuple(2**k for k in range(7, 15))
 
 
 class NotCounted(Exception):
-    """The zeros are infinitely many, or too many to be counted, or something about them is not decided exactly; the
-    message says which."""
+    """The zeros are too many to be counted, or something is not decided exactly; the message says which."""
 
 
 class Representation:
@@ -43,48 +41,41 @@ class Representation:
     def __init__(
         self, generators: Sequence[tuple[list[Whole], int]], traces: tuple[list[Whole], int]
     ) -> None:
-        self._generators, self._traces = generators, traces
-        drawn, count = random.Random(0), len(generators)
-        weights = list(range(1, count + 1))
-        for _ in range(12):  # one at random serves but for zeros in a few directions of each other
-            if self._is_separating(weights):
-                return
-            weights = [drawn.randint(-9, 9) for _ in range(count)]
-        raise NotCounted("their zeros could not be told apart")
-
-    def _is_separating(self, weights: Whole) -> bool:
-        """True if f and the powers of t, which are made, tell all zeros apart."""
-        generators, (traces, divisor), D = self._generators, self._traces, len(self._traces[0])
+        self._traces = traces
+        (table, divisor), D = traces, len(traces[0])
         common = math.lcm(*(below for _, below in generators))
-        matrix = [[0] * D for _ in range(D)]
-        for w, (rows, below) in zip(weights, generators, strict=True):
-            for own, row in zip(matrix, rows, strict=True):
-                for j, x in enumerate(row):
-                    own[j] += w * x * (common // below)
-        one = [1] + [0] * (D - 1)
-        self._powers = [one]  # 1, t, ..., t^(D - 1) as elements
-        for _ in range(D):
-            self._powers.append(combined(self._powers[-1], matrix))
-        sums = [dot(power, traces[0]) // divisor for power in self._powers]  # whole, as t is
-        self._powers.pop()
-        # The monic polynomial with these sums of powers of its roots (Newton), highest power first
-        characteristic = [1]
-        for k in range(1, len(sums)):
-            total = sum(characteristic[k - i] * sums[i] for i in range(1, k + 1))
-            characteristic.append(-total // k)
-        self.f: Whole = [int(x) for x in dup_sqf_part(characteristic, ZZ)]
-        self._horner = [self.f[: k + 1] for k in range(len(self.f) - 1)]
-        self.one = self.of(one)
-        if len(self.f) - 1 == D:
-            return True
-        # x g_1(t) - g_x(t) has to vanish at all zeros: the trace of its product with each element is zero.
-        g = self._at_t(self.one)
-        for rows, _ in generators:
-            unknown = rows[0]  # times its denominator: the product with 1
-            rest = [a - b for a, b in zip(combined(g, rows), self._at_t(self.of(unknown)), strict=True)]
-            if any(combined(rest, traces)):
-                return False
-        return True
+        drawn, weights = random.Random(0), list(range(1, len(generators) + 1))
+        for _ in range(12):  # weights at random serve but for zeros in a few directions of each other
+            matrix = [[0] * D for _ in range(D)]
+            for w, (rows, below) in zip(weights, generators, strict=True):
+                for own, row in zip(matrix, rows, strict=True):
+                    for j, x in enumerate(row):
+                        own[j] += w * x * (common // below)
+            one = [1] + [0] * (D - 1)
+            self._powers = [one]  # 1, t, ..., t^(D - 1) as elements
+            for _ in range(D):
+                self._powers.append(combined(self._powers[-1], matrix))
+            sums = [dot(power, table[0]) // divisor for power in self._powers]  # whole, as t is
+            self._powers.pop()
+            # The monic polynomial with these sums of powers of its roots (Newton), highest power first
+            characteristic = [1]
+            for k in range(1, len(sums)):
+                total = sum(characteristic[k - i] * sums[i] for i in range(1, k + 1))
+                characteristic.append(-total // k)
+            self.f: Whole = [int(x) for x in dup_sqf_part(characteristic, ZZ)]
+            self._horner = [self.f[: k + 1] for k in range(len(self.f) - 1)]
+            self.one = self.of(one)
+            # t tells all zeros apart where x g_1(t) - g_x(t) vanishes at them: the trace of its product with each
+            # element is zero. An unknown times its denominator is the product with 1.
+            g = self._at_t(self.one)
+            rests = (
+                [a - b for a, b in zip(combined(g, rows), self._at_t(self.of(rows[0])), strict=True)]
+                for rows, _ in generators
+            )
+            if len(self.f) - 1 == D or not any(any(combined(rest, table)) for rest in rests):
+                return
+            weights = [drawn.randint(-9, 9) for _ in generators]
+        raise NotCounted("their zeros could not be told apart")
 
     def of(self, element: Whole) -> Whole:
         """g_v, times the denominator of the traces, of an element with whole coefficients (D,)."""
@@ -160,15 +151,7 @@ class RealRoot:
 
     def _enclosed(self, g: Whole, bits: int) -> Enclosure:
         """Bounds of g at the root, by its value in the middle and a bound of its slope."""
-        self._narrow(bits)
-        middle, radius = (self._low + self._high) / 2, (self._high - self._low) / 2
-        value = _value(g, middle)
-        size = abs(middle) + radius
-        slope = _value([abs(x) for x in dup_diff(g, 1, ZZ)], size)
-        return value - radius * slope, value + radius * slope
-
-    def _narrow(self, bits: int) -> None:
-        """Halves, and what is beside the end of a Newton step on the side without the root."""
+        # The root between closer bounds: halves, and what is beside the end of a Newton step on the side without it
         f, slope = self._all.f, None
         while (self._high - self._low) * 2**bits > 1:
             width = self._high - self._low
@@ -187,6 +170,11 @@ class RealRoot:
                 sign = _sign(f, x)
                 self._high = x if sign != self._left else self._high
                 self._low = x if sign != -self._left else self._low
+        middle, radius = (self._low + self._high) / 2, (self._high - self._low) / 2
+        value = _value(g, middle)
+        size = abs(middle) + radius
+        slope = _value([abs(x) for x in dup_diff(g, 1, ZZ)], size)
+        return value - radius * slope, value + radius * slope
 
 
 def combined(element: Whole, rows: Sequence[Whole]) -> Whole:
