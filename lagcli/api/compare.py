@@ -116,7 +116,7 @@ def _reformulated(run: SimulationRun, first: Formulation, vakonomic: bool) -> It
     if not len(first.table):
         return
     (t,), (q,), (v,) = table_columns.States(run.model, run.columns)(first.table[:1])
-    if formulation_plan.has_dependent(run.model):
+    if any(particle.is_dependent and particle.members.count for particle in run.model.particles):
         particle_model = particle_form.model(run.built, float(t), q, v)
         size_limits.require_built(particle_model)
         ready = CompiledModel(particle_form.build(run.built, particle_model))

@@ -94,7 +94,7 @@ def limit_to_files(
                 found.multiplier,
                 forces,
                 np.array([(one.stiffness, one.force.min(), one.force.max()) for one in rungs]),
-                np.array([(one.stiffness, one.error(found.rate_of) or 0.0) for one in rungs]),
+                np.array([(one.stiffness, one.as_json()[found.rate_of] or 0.0) for one in rungs]),
                 None if found.rate is None else found.rate.line(np.array([one.stiffness for one in rungs])),
                 rate,
                 "mean error without swings" if found.rate_of == "weighted_mean" else "largest error",

@@ -251,7 +251,7 @@ class _StiffRuns:
             if ended:
                 break
         reason = f"no configuration near the start is stretched by -lambda/k at {', '.join(soft)}: too soft a spring"
-        known = [(one.stiffness, error) for one in rungs if (error := one.error(rate_of)) is not None]
+        known = [(one.stiffness, error) for one in rungs if (error := one.as_json()[rate_of]) is not None]
         return dataclasses.replace(
             empty,
             rungs=tuple(rungs),
@@ -368,7 +368,7 @@ class _StiffRuns:
 
     def _lost_in_uncertainty(self, rung: Rung, rate_of: str) -> str:
         """The reason to end the ladder with a run whose error is below its uncertainty, or an empty text."""
-        error = rung.error(rate_of)
+        error = rung.as_json()[rate_of]
         if error is None and rung.mean_error is not None:
             return ""
         if error is None:

@@ -38,11 +38,6 @@ def is_changed(model: Model) -> bool:
     return bool(model.inequality) or any(event.action == "stop" for event in model.events)
 
 
-def has_dependent(model: Model) -> bool:
-    """True if there are particles that Newton's formulation frees."""
-    return any(particle.is_dependent and particle.members.count for particle in model.particles)
-
-
 def comparable(model: Model, other: Formulation, of: Mapping[str, str]) -> dict[str, str]:
     """The columns whose meaning another formulation shares: freed particles take rows from coordinates and their R."""
     if other.name != "freed":

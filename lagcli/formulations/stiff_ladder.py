@@ -73,11 +73,6 @@ class Rung:
     uncertainty: float
     force: Floats
 
-    def error(self, name: str) -> float | None:
-        """The error of this name, `max_error`, `mean_error` or `weighted_mean`."""
-        found: float | None = getattr(self, name)
-        return found
-
     def as_json(self) -> dict[str, float | None]:
         """An entry of `table`."""
         return {name: getattr(self, name) for name in COLUMNS}

@@ -162,7 +162,16 @@ class LinearizedFunctions:
         """The matrices at a reference."""
         found = self._at(here.t, here.q, here.v, here.a, here.lam, here.p)
         M, C, K, B, A, D, D_holonomic = found[:7]
-        leaves = [_leaf(each(here.t, here.q, here.p)) for each in self._charts]
+        # Of each leaf the first gradient that is finite and does not vanish
+        leaves = []
+        for chart in self._charts:
+            for row in np.array(chart(here.t, here.q, here.p)):
+                largest = float(np.abs(row).max(initial=0.0))
+                if np.isfinite(row).all() and largest > 0:
+                    if not SMALLEST < largest < 1 / SMALLEST:  # whose squares are no doubles
+                        row = row / largest
+                    leaves.append(ca.DM(row[None] / np.linalg.norm(row)))
+                    break
         residual, load = (np.array(part).ravel() for part in found[7:])
         matrices = LinearMatrices(M, C, K, ca.vertcat(B, *leaves), A, D, D_holonomic)
         return Linear(matrices, residual, load, self.cyclic)
@@ -233,18 +242,6 @@ class LinearizedFunctions:
             return np.array(ca.solve(found[0], -found[7], SOLVER)).reshape(-1)
         except RuntimeError:  # what CasADi raises where the factorization fails
             return np.full(here.v.size, np.nan)
-
-
-def _leaf(slopes: ca.DM) -> ca.DM:
-    """The first gradient that is finite and does not vanish, (1, n); no row where there is none."""
-    every = np.array(slopes)
-    for row in every:
-        largest = float(np.abs(row).max(initial=0.0))
-        if np.isfinite(row).all() and largest > 0:
-            if not SMALLEST < largest < 1 / SMALLEST:  # whose squares are no doubles
-                row = row / largest
-            return ca.DM(row[None] / np.linalg.norm(row))
-    return ca.DM(0, every.shape[1])
 
 
 def _sparse(matrix: ca.DM) -> sparse.csc_array:
