@@ -200,10 +200,8 @@ class _Linearizing:
 
     def about_nearest(self, note: str) -> Modes:
         """The modes about the point of rest that the start leads to. Raises `NoEquilibriumError`."""
-        from lagcli.statics.rest_equations import NoEquilibrium
-
         system, point = self.ready.system, self._rest.nearest()
-        if isinstance(point, NoEquilibrium):
+        if not point.rests:
             raise NoEquilibriumError(
                 "the start is no equilibrium, and none is found from it: the forces that"
                 f" are left are {point.residual:.3g} of their size at best"

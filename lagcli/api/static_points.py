@@ -36,7 +36,7 @@ from lagcli.statics import (
 )
 from lagcli.statics.continuum import FoundPoint
 from lagcli.statics.point_search import PointSearch, SearchOptions
-from lagcli.statics.rest_equations import EquilibriumPoint, NoEquilibrium, RestEquations
+from lagcli.statics.rest_equations import EquilibriumPoint, RestEquations
 from lagcli.statics.static_problem import EnforcedLevel, StaticLaws, StaticProblem
 from lagcli.statics.static_report import Origin, PointColumns, StaticPoint, StaticReport, Value
 
@@ -118,7 +118,7 @@ class RestPoints:
         return static_report.potential_origin(self._asked)
 
     @progress.phase("looking for a point of rest")
-    def nearest(self) -> EquilibriumPoint | NoEquilibrium:
+    def nearest(self) -> EquilibriumPoint:
         """The point of rest nearest to the start: lambda and contacts with it.
 
         Of two, the one that Newton's steps lead to and, where the forces have a potential, the one that lies downhill,
@@ -134,12 +134,11 @@ class RestPoints:
             bottom = refine.lowest(equations, q, 1.0)
             if bottom is not None:
                 found.append(refine.nearest_equilibrium(asked, bottom))
-        if is_large and not any(isinstance(one, EquilibriumPoint) for one in found):
+        if is_large and not any(one.rests for one in found):
             found.append(refine.nearest_equilibrium(asked, q))
         points = [one.point for one in self._typed(found, falls)]
         if not points:
-            first = found[0]
-            return first if isinstance(first, NoEquilibrium) else NoEquilibrium(first.residual, first.q)
+            return dataclasses.replace(found[0], rests=False)
         M = self._ready.numeric.inertia(begun.t, q, np.zeros_like(q), begun.p).full()
         return min(points, key=lambda point: float((point.q - q) @ M @ (point.q - q)))
 
@@ -157,12 +156,10 @@ class RestPoints:
         found = equations.settled(x)
         return next(self._typed([found], self._origin != "none"), None)
 
-    def _typed(
-        self, found: Sequence[EquilibriumPoint | NoEquilibrium], has_potential: bool
-    ) -> Iterator[FoundPoint]:
+    def _typed(self, found: Sequence[EquilibriumPoint], has_potential: bool) -> Iterator[FoundPoint]:
         asked = self._asked
         for one in found:
-            if isinstance(one, EquilibriumPoint):
+            if one.rests:
                 free = RestEquations(asked, (), rest_equations.scales(asked, asked.begin))
                 point = point_search.typed_point(free, one, has_potential)
                 if point is not None:
@@ -274,7 +271,7 @@ class _Question:
             told.append(whole.told)
         told += [*kink_points.singular_notes(search, names, called), *kinks]
         points.sort(key=lambda point: (point.value is None, point.value or 0.0, tuple(point.at.values())))
-        best = search.best.residual if not points else None
+        best = search.best_residual if not points else None
         distinct = tuple(dict.fromkeys(told))
         return StaticReport(called, tuple(points), search.starts, whole.proved, distinct, best)
 

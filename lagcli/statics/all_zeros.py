@@ -54,11 +54,15 @@ def by_algebra(search: PointSearch) -> Completeness:
     order = CountedOrder(2_000_000)
     for closed in problem.contact_sets():
         try:
-            counted[closed] = _of_set(search, closed, order)
-        except _Plane:
-            is_known = search.leave_out(closed)
-            is_plane, is_open = is_plane or is_known, is_open or not is_known
+            found = _of_set(search, closed, order)
         except (NotPolynomial, NotCounted, SpentError):
+            is_open = True
+            continue
+        if found is not None:
+            counted[closed] = found
+        elif search.leave_out(closed):
+            is_plane = True
+        else:
             is_open = True
     if is_open or is_plane:
         for _, touching in counted.values():
@@ -76,12 +80,9 @@ def by_algebra(search: PointSearch) -> Completeness:
     )
 
 
-class _Plane(Exception):
-    """The points with some contacts closed, if there are any, are one plane or a part of it."""
-
-
-def _of_set(search: PointSearch, closed: tuple[int, ...], order: CountedOrder) -> SetZeros:
-    """All points with these contacts closed and no other one touching, and those at which further ones touch."""
+def _of_set(search: PointSearch, closed: tuple[int, ...], order: CountedOrder) -> SetZeros | None:
+    """All points with these contacts closed and no other one touching, and those at which further ones touch; None
+    where they are one plane or a part of it, if there are any."""
     problem, equations = search.problem, search.free.closing(closed)
     unknowns, contacts = problem.n + problem.C + len(closed), problem.K - len(closed)
     program, signs = problem.exact_programs(closed)
@@ -90,9 +91,9 @@ def _of_set(search: PointSearch, closed: tuple[int, ...], order: CountedOrder) -
     found: SetZeros = ([], [])
     try:
         zeros = algebraic_zeros.zeros(exact.ring, exact.equations, exact.used, exact.denominators)
-    except algebraic_zeros.Infinite as why:
+    except algebraic_zeros.Infinite:
         if exact.is_linear:
-            raise _Plane from why
+            return None
         raise
     for zero in zeros:
         if any(root.is_unknown and zero.sign(exact.ring.gens[k]) <= 0 for k, root in exact.squares.items()):

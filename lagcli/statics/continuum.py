@@ -206,8 +206,7 @@ def with_own_contacts(equations: RestEquations, found: EquilibriumPoint) -> Equi
         return found
     bounded, own = equations.closing(closed), equations.closing(found.closed)
     begun = bounded.begun(found.q)
-    point = None if begun is None else bounded.settled(begun)
-    if begun is None or not isinstance(point, EquilibriumPoint):
+    if begun is None or not (point := bounded.settled(begun)).rests:
         return found
     if tangent(bounded, begun).size:
         return point

@@ -19,7 +19,7 @@ import numpy as np
 
 from lagcli import doubles
 from lagcli.arrays import Floats
-from lagcli.equations.power_series import PowerSeries, UnderflowError, constant
+from lagcli.equations.power_series import UnderflowError
 from lagcli.linear import decompositions, rank
 from lagcli.statics import power_signs
 from lagcli.statics.rest_equations import LENGTHS, EquilibriumPoint, RestEquations
@@ -118,7 +118,7 @@ class FlatEquations:
         nothing = np.zeros((r + k, m + k))
         A = np.block([[values.K, rows.T, -N], [slopes, nothing[:r]], [N.T, nothing[r:]]])
         # Forces are measured by their terms: far from all sources they may be tiny, and still none is zero.
-        terms = self._last_terms(x[:, None], self._sizes(x)[:, None])
+        terms = self._last_terms(x[:, None], equations.sizes(x)[:, None])
         unit = 1.0 if terms is None else float(terms[1][: q.size].max(initial=0.0)) or 1.0
         if unit < doubles.TINY:
             raise UnderflowError
@@ -142,7 +142,7 @@ class FlatEquations:
         rho, terms = np.zeros((2, len(rays), self._all.shape[1], orders))
         for ray, own, own_terms in zip(rays, rho, terms, strict=True):
             x, sizes = np.zeros((2, known, orders + 1))
-            x[:, 0], sizes[:, 0] = begin, self._sizes(begin)
+            x[:, 0], sizes[:, 0] = begin, self.equations.sizes(begin)
             x[:n, 1] = self.basis @ ray  # the tangent: what is missing of it is solved for
             sizes[:n, 1] = np.abs(self.basis) @ np.abs(ray)
             for order in range(orders):
@@ -161,19 +161,10 @@ class FlatEquations:
         of_rounding = np.einsum("ij,ijk->ik", np.abs(rays), rounding)
         return _Expansion(rays, rho, rounding, (-along / powers, of_rounding / powers))
 
-    def _sizes(self, x: Floats) -> Floats:
-        """The sizes of the unknowns: of coordinates no less than that of things."""
-        n = self.equations.problem.n
-        return np.concatenate([np.maximum(np.abs(x[:n]), self.equations.scales.length), np.abs(x[n:])])
-
     def _last_terms(self, x: Floats, sizes: Floats) -> tuple[Floats, Floats] | None:
         """The last coefficient of the equations of series x (unknowns, orders), and the sizes of its terms; or None."""
-        problem, count = self.equations.problem, x.shape[1]
-        fixed = [constant(value, count) for value in (problem.t, *problem.p.tolist())]
-        unknowns = [PowerSeries(*pair) for pair in zip(x, sizes, strict=True)]
-        function = problem.balance_series(tuple(self.equations.contacts))
-        found = function.at([unknowns, fixed], count, doubles.SUM)[0]
-        if any(each.known < count for each in found):
+        found = self.equations.series(x, sizes, doubles.SUM)
+        if any(each.known < x.shape[1] for each in found):
             return None
         last = np.zeros((2, len(found) + self._all.shape[1]))
         last[:, : len(found)] = [[each.c[-1] for each in found], [each.size[-1] for each in found]]

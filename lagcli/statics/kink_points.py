@@ -29,7 +29,7 @@ from lagcli.statics import (
     static_report,
 )
 from lagcli.statics.point_search import PointSearch
-from lagcli.statics.rest_equations import SETTLED, EquilibriumPoint, RestEquations
+from lagcli.statics.rest_equations import SETTLED, RestEquations
 from lagcli.statics.static_problem import StaticLaws, StaticProblem
 
 # Differences of values from that at a kink, a thousand times nearer, that are more than this part: it is a pole.
@@ -133,7 +133,7 @@ def extremes(search: PointSearch, sets: Sequence[tuple[Kink, ...]]) -> Iterator[
             is_surface = np.linalg.norm(row) > ISOLATED * free.scales.conditions[-1]
             if is_surface and problem.n > on_kink.laws.c.numel() + len(closed):
                 point = refine.reached(equations, q)
-                if not isinstance(point, EquilibriumPoint):
+                if not point.rests:
                     continue
                 q = point.q
             q = np.where(np.abs(q) <= doubles.ZERO * search.scales.length, 0.0, q)
@@ -170,7 +170,7 @@ def kind_at(search: PointSearch, on_kink: StaticProblem, q: Floats) -> str | Non
         x = equations.begun(q)
         point = None if x is None else equations.settled(x)
         along = ""
-        if isinstance(point, EquilibriumPoint):
+        if point is not None and point.rests:
             along = str(point_type.classify(equations, point, True)[0].kind)
 
     def changes(ways: Floats, distance: float = h) -> Floats:

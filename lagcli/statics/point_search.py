@@ -24,7 +24,7 @@ from lagcli.statics import (
     static_problem,
 )
 from lagcli.statics.continuum import FoundPoint, KnownContinua
-from lagcli.statics.rest_equations import EquilibriumPoint, NoEquilibrium, RestEquations
+from lagcli.statics.rest_equations import EquilibriumPoint, RestEquations
 from lagcli.statics.static_problem import StaticProblem
 
 Flags = tuple[bool, ...]
@@ -81,7 +81,7 @@ class SearchOptions:
 
 
 class PointSearch:
-    """One search; `points` grows, `best` is the least residual where none is found."""
+    """One search; `points` grows, `best_residual` is the least where none is found."""
 
     def __init__(self, problem: StaticProblem, options: SearchOptions) -> None:
         self.problem, self.options = problem, options
@@ -90,7 +90,7 @@ class PointSearch:
         self._continua = KnownContinua(self.free, options.angles)
         self._angles = np.array(options.angles, dtype=bool)
         self.points: list[FoundPoint] = []
-        self.best = NoEquilibrium(np.inf, problem.begin)
+        self.best_residual = np.inf
         self.starts = 0
         self.are_beyond = False
         self._allowed = PARAMETERS.budget
@@ -145,7 +145,7 @@ class PointSearch:
         has_potential, is_whole = self.options.has_potential, region is None
         is_decided = region or (lambda q: True)
         for point in itertools.chain.from_iterable(exact.values()):
-            if not self.problem.has_value(point.q):
+            if not np.isfinite(self.problem.value(point.q)):
                 continue
             # Beside an undecided piece zeros may be those of rounded numbers, and one to the digits of the function.
             kind, moved = point_type.classify(self.free, point, has_potential, is_exact=is_whole)
@@ -248,10 +248,10 @@ class PointSearch:
         made = self.problem.evaluations * (len(self.problem.times) * each + 1000.0)
         return made - self._on_continua
 
-    def take(self, found: EquilibriumPoint | NoEquilibrium) -> bool:
+    def take(self, found: EquilibriumPoint) -> bool:
         """Keep a point that is new; True if it is."""
-        if isinstance(found, NoEquilibrium):
-            self.best = min(self.best, found, key=lambda one: one.residual)
+        if not found.rests:
+            self.best_residual = min(self.best_residual, found.residual)
             return False
         found = dataclasses.replace(found, q=self.wrapped_angles(found.q))
         pulling, below = self.free.wrong_side(found)
@@ -302,7 +302,7 @@ class PointSearch:
             # Not refined: a further step would bring the rounding back.
             tidy = None if begun is None else equations.settled(begun)
             worst = max(found.residual, 4 * doubles.EPS * self.scales.force)
-            if isinstance(tidy, EquilibriumPoint) and tidy.residual <= worst:
+            if tidy is not None and tidy.rests and tidy.residual <= worst:
                 if self._is_known(tidy, doubles.ROOT):
                     return False
                 found = tidy
@@ -373,15 +373,15 @@ def _nearest_zero(equations: RestEquations, found: EquilibriumPoint) -> tuple[Eq
     if equations(zero) is None:
         return None, True  # sin(x)/x has no value at 0, and beside it a zero of its slope in rounding alone
     again = equations.settled(zero)
-    return (None if isinstance(again, NoEquilibrium) else again), True
+    return (again if again.rests else None), True
 
 
 def _typed_zero(
     equations: RestEquations, found: EquilibriumPoint, has_potential: bool, is_exact: bool
 ) -> FoundPoint | None:
     problem = equations.problem
-    if not problem.has_value(found.q):
-        return None
+    if not np.isfinite(problem.value(found.q)):
+        return None  # beyond the domain, as of log(x) + x at -1, where the gradient vanishes all the same
     equations = equations.closing(found.closed)
     x = equations.unknowns(found.q)
     along = continuum.tangent(equations, x)
@@ -391,13 +391,13 @@ def _typed_zero(
     else:  # which has the type of its branches, whose directions a crossing has together
         moved, own = found, continuum.tangent(equations, beside)
         other = equations.settled(beside)
-        if isinstance(other, NoEquilibrium):
+        if not other.rests:
             return None
         kind, _ = point_type.classify(equations, other, has_potential, own)
     if moved.q is not found.q:
         x = equations.unknowns(moved.q)
         again = equations.settled(x)
-        if isinstance(again, NoEquilibrium):
+        if not again.rests:
             return None
         found = again
     flat = continuum.directions(equations, x)

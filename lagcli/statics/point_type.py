@@ -33,14 +33,12 @@ MOST_WEAK = 8
 @dataclasses.dataclass(frozen=True, slots=True)
 class PointType:
     """kind and index (negative directions) are None without a potential, or where the rank of the equality rows is
-    undecided; unique: whether lambda is, None where the rank does not say; rank: of the equality rows; freedom: what
-    these leave; is_regular: all curvatures are known and none vanishes, so that no other point is near."""
+    undecided; unique: whether lambda is, None where the rank does not say; is_regular: all curvatures are known and
+    none vanishes, so that no other point is near."""
 
     kind: Kind | None
     index: int | None
     unique: bool | None
-    rank: int
-    freedom: int
     is_regular: bool = False
 
 
@@ -61,12 +59,11 @@ def classify(
     values = problem.at(problem.t, point.q, point.lam)
     B, G = decompositions.unit(values.B), decompositions.unit(values.G[list(point.closed)])
     equalities, rows = rank.space(B, is_whole=False), rank.space(np.vstack([B, G]), is_whole=False)
-    freedom = problem.n - equalities.low
     is_unique = None if rows.value is None else rows.value == len(rows.left)
-    plain = PointType(None, None, is_unique, equalities.low, freedom)
+    plain = PointType(None, None, is_unique)
     if not has_potential or equalities.value is None:
         return plain, point
-    if freedom == 0:
+    if equalities.low == problem.n:
         return dataclasses.replace(plain, kind="isolated", index=0, is_regular=True), point
     along = np.zeros((problem.n, 0)) if along is None else along
     shared = _of_one_sign(equations, point)

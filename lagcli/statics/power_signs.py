@@ -229,38 +229,30 @@ def _signs(terms: Terms, slope: Fraction, orders: int) -> PowerSigns:
             return found | PowerSigns(False, False, False)
         on_edge = {at[1]: terms[at] for at in terms if at[0] + slope * at[1] == weight and at[1] <= j}
         first = min(at[1] for at, each in below.items() if each == slope)
-        edge = np.zeros((2, j + 1))
+        if first % 2 or j % 2:
+            return found | PowerSigns(True, True, True)
+        # The signs on the branches of the edge, sum c_j s^j, and where it touches zero those of the branches beyond
+        c, e = np.zeros((2, j + 1 - first))
         for power, pair in on_edge.items():
             if power >= first:
-                edge[:, power] = pair
-        found |= _on_edge(terms, edge, first, (slope, weight), orders)
+                c[power - first], e[power - first] = pair
+        found |= PowerSigns(bool(c[0] > 0 or c[-1] > 0), bool(c[0] < 0 or c[-1] < 0), True)
+        touched: list[float] = []
+        # Zeros of the odd derivatives, of the highest first: where a polynomial touches zero to the fourth power the
+        # third derivative has a single zero.
+        slopes = (np.polynomial.polynomial.polyder(c, k) for k in range(c.size - 1 - c.size % 2, 0, -2))
+        roots = (np.polynomial.polynomial.polyroots(each).real.tolist() for each in slopes if each.size > 1)
+        for s in itertools.chain.from_iterable(roots):
+            powers = s ** np.arange(c.size)
+            value, floor = float(c @ powers), float(e @ np.abs(powers))
+            if abs(value) > floor:
+                found |= PowerSigns(value > 0, value < 0, True)
+            elif not any(abs(s - other) <= rest_equations.SMALL * abs(s) for other in touched):
+                touched.append(s)
+                found |= _signs(_shifted(terms, s, slope), slope, orders)
         if found.rises and found.falls:
             return found
         i, j = weight - slope * first, first
-    return found
-
-
-def _on_edge(
-    terms: Terms, edge: Floats, first: int, line: tuple[Fraction, Fraction], orders: int
-) -> PowerSigns:
-    """The signs on the branches of one edge, sum c_j s^j from `first` on; where it touches zero of those beyond."""
-    if first % 2 or edge.shape[1] % 2 == 0:
-        return PowerSigns(True, True, True)
-    c, e = edge[:, first:]
-    found = PowerSigns(bool(c[0] > 0 or c[-1] > 0), bool(c[0] < 0 or c[-1] < 0), True)
-    touched: list[float] = []
-    # Zeros of the odd derivatives, of the highest first: where a polynomial touches zero to the fourth power the third
-    # derivative has a single zero.
-    slopes = (np.polynomial.polynomial.polyder(c, k) for k in range(c.size - 1 - c.size % 2, 0, -2))
-    roots = (np.polynomial.polynomial.polyroots(slope).real.tolist() for slope in slopes if slope.size > 1)
-    for s in itertools.chain.from_iterable(roots):
-        powers = s ** np.arange(c.size)
-        value, floor = float(c @ powers), float(e @ np.abs(powers))
-        if abs(value) > floor:
-            found |= PowerSigns(value > 0, value < 0, True)
-        elif not any(abs(s - other) <= rest_equations.SMALL * abs(s) for other in touched):
-            touched.append(s)
-            found |= _signs(_shifted(terms, s, line[0]), line[0], orders)
     return found
 
 

@@ -23,7 +23,7 @@ from lagcli.linear import decompositions, rank, surface
 from lagcli.linear.surface import NewtonEnd
 from lagcli.start import configuration_search
 from lagcli.statics import rest_equations, static_problem
-from lagcli.statics.rest_equations import LENGTHS, EquilibriumPoint, NoEquilibrium, RestEquations
+from lagcli.statics.rest_equations import LENGTHS, EquilibriumPoint, RestEquations
 from lagcli.statics.static_problem import StaticProblem
 
 Residual = Callable[[Floats], tuple[Floats, Floats] | None]
@@ -121,28 +121,30 @@ class _Linear:
 
 def nearest_equilibrium(
     problem: StaticProblem, begin: Floats, asides: Sequence[float] = OFFSETS
-) -> EquilibriumPoint | NoEquilibrium:
+) -> EquilibriumPoint:
     """The point of rest reached from a configuration, or from beside it; 0 <= lambda, 0 <= g, one of them zero."""
     free = RestEquations(problem, (), rest_equations.scales(problem, begin))
     random = np.random.default_rng(20061)
-    best = NoEquilibrium(np.inf, begin)
+    tried: list[EquilibriumPoint] = []
     for part in (0.0, *asides):
         point = begin + part * free.scales.length * random.standard_normal(begin.size)
         found = pushed(free, point) if problem.K else reached(free, point)
-        if isinstance(found, EquilibriumPoint):
+        if found.rests:
             return found
-        best = min(best, found, key=lambda one: one.residual)
-    return best
+        tried.append(found)
+    return min(tried, key=lambda one: one.residual)
 
 
-def reached(equations: RestEquations, begin: Floats) -> EquilibriumPoint | NoEquilibrium:
+def reached(equations: RestEquations, begin: Floats) -> EquilibriumPoint:
     """The point that a configuration leads to, whatever the signs of lambda and g."""
     x = equations.begun(begin)
     found = None if x is None else solve(equations, x)
-    return NoEquilibrium(np.inf, begin) if found is None else equations.settled(found.x, found.moved)
+    if found is None:
+        return EquilibriumPoint(begin, equations.problem.nothing, (), np.inf, rests=False)
+    return equations.settled(found.x, found.moved)
 
 
-def pushed(free: RestEquations, begin: Floats) -> EquilibriumPoint | NoEquilibrium:
+def pushed(free: RestEquations, begin: Floats) -> EquilibriumPoint:
     """The point that a configuration leads to with contacts that push; `free`: the equations without contacts."""
     problem, scales = free.problem, free.scales
     near = np.flatnonzero(problem.at(problem.t, begin, problem.nothing).g <= scales.touch)
@@ -156,13 +158,13 @@ def pushed(free: RestEquations, begin: Floats) -> EquilibriumPoint | NoEquilibri
         g = problem.at(problem.t, q, problem.nothing).g
         push = each[0][problem.C :] * scales.contacts / scales.force * scales.length
         guesses.insert(0, (q, tuple(np.flatnonzero(push > g / scales.contacts).tolist())))
-    best: EquilibriumPoint | NoEquilibrium = NoEquilibrium(np.inf, begin)
+    best = EquilibriumPoint(begin, problem.nothing, (), np.inf, rests=False)
     for point, closed in guesses:
         tried: set[tuple[int, ...]] = set()
         while closed not in tried and len(tried) < 12:
             tried.add(closed)
             found = reached(free.closing(closed), point)
-            if isinstance(found, NoEquilibrium):
+            if not found.rests:
                 best = found if found.residual < best.residual else best
                 break
             pulling, below = free.wrong_side(found)

@@ -71,20 +71,14 @@ class Scales:
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class EquilibriumPoint:
-    """q (n,), lambda (C + K,) at the start time, closed contacts, the largest |F + B^T lambda|, |c|, |g| of these."""
+    """q (n,), lambda (C + K,) at the start time, closed contacts, largest |F + B^T lambda|, |c|, |g| of these; where
+    a search found nothing the place with the least residual, and `rests` is False."""
 
     q: Floats
     lam: Floats
     closed: tuple[int, ...]
     residual: float
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class NoEquilibrium:
-    """No point was found; the least residual, and where it is."""
-
-    residual: float
-    q: Floats
+    rests: bool = True
 
 
 class RestEquations:
@@ -179,7 +173,7 @@ class RestEquations:
         assert x is not None
         return x
 
-    def settled(self, x: Floats, step: float = 0.0) -> EquilibriumPoint | NoEquilibrium:
+    def settled(self, x: Floats, step: float = 0.0) -> EquilibriumPoint:
         """The point where a search ended with a step, if it is one; without a step the point as it is given."""
         problem, contacts = self.problem, self.contacts
         q, each = self.split(x)
@@ -194,9 +188,8 @@ class RestEquations:
             left = decompositions.residual(values.rows(contacts).T, values.F) / self.scales.force
             apart = values.c / (self.scales.conditions * self.scales.length)
             is_point &= bool(np.abs(np.concatenate([left, apart])).max(initial=0.0) <= 10 * doubles.ZERO)
-        if is_point:
-            return EquilibriumPoint(q.copy(), lam, tuple(contacts), residual)
-        return NoEquilibrium(residual if np.isfinite(residual) else np.inf, q.copy())
+        residual = residual if np.isfinite(residual) else np.inf
+        return EquilibriumPoint(q.copy(), lam, tuple(contacts), residual, is_point)
 
     def touching(self, point: EquilibriumPoint) -> tuple[int, ...]:
         """The contacts that touch at a point, those that carry nothing included."""
@@ -239,17 +232,26 @@ class RestEquations:
                 worst = max(worst, np.abs(closed).max(initial=0.0) / size)
         return float(worst)
 
+    def sizes(self, x: Floats) -> Floats:
+        """The sizes of unknowns at one time: of coordinates no less than that of things."""
+        n = self.problem.n
+        return np.concatenate([np.maximum(np.abs(x[:n]), self.scales.length), np.abs(x[n:])])
+
+    def series(self, x: Floats, sizes: Floats, rounding: float) -> list[PowerSeries]:
+        """The equations at the start time where x and the sizes of their terms are series (unknowns, orders). Raises
+        `UnderflowError`."""
+        problem, count = self.problem, x.shape[1]
+        unknowns = [PowerSeries(*pair) for pair in zip(x, sizes, strict=True)]
+        fixed = [constant(value, count) for value in (problem.t, *problem.p.tolist())]
+        return problem.balance_series(tuple(self.contacts)).at([unknowns, fixed], count, rounding)[0]
+
     def rounding(self, x: Floats) -> float:
         """What rounding leaves of the forces by the sizes of their terms, a part of the largest; 0 where not known."""
         if self.closed is None or len(self.problem.times) > 1:
             return 0.0
         n, problem = self.problem.n, self.problem
-        sizes = np.abs(x)
-        sizes[:n] = np.maximum(sizes[:n], self.scales.length)
-        unknowns = [PowerSeries(*pair) for pair in zip(x[:, None], sizes[:, None], strict=True)]
-        fixed = [constant(value, 1) for value in (problem.t, *problem.p.tolist())]
         try:
-            forces = problem.balance_series(self.closed).at([unknowns, fixed], 1, doubles.EPS)[0][:n]
+            forces = self.series(x[:, None], self.sizes(x)[:, None], doubles.EPS)[:n]
         except UnderflowError:
             return 0.0
         if any(not each.known for each in forces):

@@ -242,10 +242,6 @@ class StaticProblem:
         """f, or the declared part of the effective potential, at the start time."""
         return float(self._value(self.t, q, self.p)[0])
 
-    def has_value(self, q: Floats) -> bool:
-        """False beyond the domain, where the gradient may vanish all the same, as that of log(x) + x does at -1."""
-        return bool(np.isfinite(self.value(q)))
-
     def driving(self, q: Floats) -> tuple[Floats, Floats]:
         """The forces at rest that the declared potential leaves, (n,), and their gradient (n, n)."""
         _, found, gradient, _ = self._value(self.t, q, self.p)
