@@ -110,7 +110,7 @@ class RestPoints:
 
     @cached_property
     def _asked(self) -> StaticProblem:
-        laws = static_problem.of_rest(self._ready.system, self._start.invariant_values)
+        laws = static_problem.laws(self._ready.system, self._start.invariant_values)
         return self._start.problem(laws)
 
     @cached_property
@@ -160,8 +160,8 @@ class RestPoints:
         asked = self._asked
         for one in found:
             if one.rests:
-                free = RestEquations(asked, (), rest_equations.scales(asked, asked.begin))
-                point = point_search.typed_point(free, one, has_potential)
+                equations = RestEquations(asked, one.closed, rest_equations.scales(asked, asked.begin))
+                point = point_search.typed_point(equations, one, has_potential)
                 if point is not None:
                     yield point
 
@@ -196,7 +196,7 @@ def equilibrium(
     model = as_model(model)
     ready = cache.compiled(model)
     start = begin(ready, limit)
-    laws = static_problem.of_rest(ready.system, start.invariant_values)
+    laws = static_problem.laws(ready.system, start.invariant_values)
     rows = list(range(len(ready.system.rows.rows)))
     return _Question(ready, "potential", start.problem(laws), rows).answered(start.notes, starts, seed)
 
@@ -218,7 +218,7 @@ def stationary(
     ready = cache.compiled(model)
     start = begin(ready, limit)
     system = ready.system
-    laws = static_problem.of_function(system, level_functions.value(system, written), start.invariant_values)
+    laws = static_problem.laws(system, start.invariant_values, level_functions.value(system, written))
     names = [row.name for row in system.rows.rows]
     left_out = [name for name in names[system.holonomic_count :] if name not in start.enforced]
     rows = [i for i, name in enumerate(names) if name not in left_out]
@@ -257,7 +257,7 @@ class _Question:
         search.run(0)
         whole = all_zeros.by_algebra(search)
         if not whole.proved and problem.n == 1 and not problem.C and not problem.K:
-            whole = all_zeros.by_intervals(search, angles[0])
+            whole = all_zeros.by_intervals(search)
         if not whole.proved and not whole.final:
             search.run(starts)
         kinks = kink_points.notes(search, names, called)

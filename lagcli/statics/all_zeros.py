@@ -126,9 +126,9 @@ def _rounded(search: PointSearch, equations: RestEquations, x: Floats) -> Equili
 # One unknown, by intervals
 
 
-def by_intervals(search: PointSearch, is_angle: bool) -> Completeness:
+def by_intervals(search: PointSearch) -> Completeness:
     """Put the zeros that intervals enclose in the place of found points, but in undecided pieces; are all known?"""
-    problem, length = search.problem, search.scales.length
+    problem, length, (is_angle,) = search.problem, search.scales.length, search.options.angles
     if len(problem.times) > 1:
         return Completeness(False)
     program, numbers = problem.with_gradient(problem.laws.F), (problem.t, *problem.p.tolist())
@@ -148,9 +148,8 @@ def by_intervals(search: PointSearch, is_angle: bool) -> Completeness:
                 high = 0.0
             else:
                 left = _is_up(force, low)
-                while (
-                    math.nextafter(low, high) < high
-                ):  # beside zero there are more doubles than an interval is halved
+                # Again and again: beside zero there are more doubles than an interval is halved.
+                while math.nextafter(low, high) < high:
                     between = sides.bracket(lambda x: _is_up(force, float(x)) is left, low, high)  # noqa: B023
                     low, high = map(float, between)
             narrowed.append(high)
@@ -164,7 +163,7 @@ def by_intervals(search: PointSearch, is_angle: bool) -> Completeness:
             before = own.pop()
             low, high = before[0], max(high, before[1])
         own.append((low, high))
-    turns = (-2 * np.pi, 0.0, 2 * np.pi) if search.options.angles[0] else (0.0,)
+    turns = (-2 * np.pi, 0.0, 2 * np.pi) if is_angle else (0.0,)
 
     def is_decided(q: Floats) -> bool:
         """True outside of undecided pieces, and not within an interval of one that is not halved further."""
@@ -176,10 +175,10 @@ def by_intervals(search: PointSearch, is_angle: bool) -> Completeness:
         if np.isfinite([low, high]).all():
             search.take(refine.reached(search.free, np.array([(low + high) / 2])))
     if not own:
-        proof = (
+        told = (
             "that there are no others is proved by intervals: each piece of the line has one of them, or none"
         )
-        return Completeness(True, proof) if agrees else Completeness(False)
+        return Completeness(agrees, told if agrees else "")
     most = point_search.PARAMETERS.most_named
     named = [
         f"near {(low + high) / 2:.6g}" if high - low <= doubles.ROOT else f"from {low:.3g} to {high:.3g}"

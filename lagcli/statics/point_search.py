@@ -276,10 +276,10 @@ class PointSearch:
         is_tired = self._on_continua > PARAMETERS.budget / PARAMETERS.first
         if self._is_known(found, PARAMETERS.same_of_flat) and continuum.directions(equations, x).size:
             return False
-        nearest, is_exact = _nearest_zero(self.free, found)
+        nearest, is_exact = _nearest_zero(equations, found)
         if nearest is None or (nearest is not found and self._is_known(nearest, doubles.ROOT)):
             return False
-        typed = _typed_zero(self.free, nearest, self.options.has_potential, is_exact)
+        typed = _typed_zero(equations, nearest, self.options.has_potential, is_exact)
         if typed is None or (typed.point is not nearest and self._is_known(typed.point, doubles.ROOT)):
             return False
         found, kind, size = typed.point, typed.type, typed.dimension
@@ -350,14 +350,13 @@ class PointSearch:
 
 
 def typed_point(equations: RestEquations, found: EquilibriumPoint, has_potential: bool) -> FoundPoint | None:
-    """A point with its type and more digits; None where it is none: far away, or balanced by rounding alone."""
+    """A point of equations with its type and more digits; None where it is far away, or balanced by rounding alone."""
     nearest, is_exact = _nearest_zero(equations, found)
     return None if nearest is None else _typed_zero(equations, nearest, has_potential, is_exact)
 
 
 def _nearest_zero(equations: RestEquations, found: EquilibriumPoint) -> tuple[EquilibriumPoint | None, bool]:
     """The point that is meant by one that may be degenerate, or None; and if it is known in many digits."""
-    equations = equations.closing(found.closed)
     x = equations.unknowns(found.q)
     is_rounding = equations.rounding(x) > doubles.ZERO
     if not is_rounding and not precise_zeros.is_doubtful(equations, x):
@@ -382,7 +381,6 @@ def _typed_zero(
     problem = equations.problem
     if not np.isfinite(problem.value(found.q)):
         return None  # beyond the domain, as of log(x) + x at -1, where the gradient vanishes all the same
-    equations = equations.closing(found.closed)
     x = equations.unknowns(found.q)
     along = continuum.tangent(equations, x)
     beside = continuum.beside_crossing(equations, x) if along.size else x

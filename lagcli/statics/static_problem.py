@@ -87,47 +87,35 @@ class EnforcedLevel:
         return below * self.below + above * self.above
 
 
-def of_rest(system: System, levels: Sequence[EnforcedLevel]) -> StaticLaws:
-    """The equations of a point of rest: q' = q'' = 0 satisfies (D.24)."""
-    v, rows, dynamics = system.symbols.v, system.rows, system.dynamics
-    F, value = (ca.substitute(ca.SX(part), v, ca.SX.zeros(v.shape)) for part in (dynamics.h, dynamics.rest))
-    moving = [rows.b[i] for i in range(rows.b.numel()) if not rows.b[i].is_zero()]
-    return _laws(
-        system,
-        levels,
-        F=ca.densify(F),
-        B=rows.B,
-        c=_column([system.f, *(level.expression for level in levels), *moving]),
-        value=value,
-        driving=ca.densify(F + ca.gradient(value, system.symbols.q)),
+def laws(system: System, levels: Sequence[EnforcedLevel], f: ca.SX | None = None) -> StaticLaws:
+    """The equations of a point of rest, where q' = q'' = 0 satisfies (D.24); or of a stationary point of f(q) on
+    holonomic surfaces and levels, whose rows come last in B."""
+    symbols, rows, contacts = system.symbols, system.rows, system.contacts
+    q, v, further = symbols.q, symbols.v, [level.expression for level in levels]
+    if f is None:
+        parts = (ca.SX(part) for part in (system.dynamics.h, system.dynamics.rest))
+        F, value = (ca.substitute(part, v, ca.SX.zeros(v.shape)) for part in parts)
+        B, driving = rows.B, ca.densify(F + ca.gradient(value, q))
+        further += [rows.b[i] for i in range(rows.b.numel()) if not rows.b[i].is_zero()]
+    else:
+        F, value, driving = -ca.gradient(f, q), f, ca.SX.zeros(q.numel())
+        B = ca.vertcat(rows.B[: system.holonomic_count, :], ca.jacobian(_column(further), q))
+    sides = [side for side in (level.side for level in levels) if not side.is_constant()]
+    conditions, g = _column([system.f, *further]), ca.densify(contacts.g)
+    given = (
+        symbols.t,
+        q,
+        system.p,
+        ca.densify(F),
+        B,
+        conditions,
+        g,
+        contacts.G,
+        value,
+        driving,
+        _column(sides),
     )
-
-
-def of_function(system: System, f: ca.SX, levels: Sequence[EnforcedLevel]) -> StaticLaws:
-    """The equations of a stationary point of f(q) on holonomic surfaces and levels, whose rows come last in B."""
-    q, on_levels = system.symbols.q, _column([level.expression for level in levels])
-    return _laws(
-        system,
-        levels,
-        F=ca.densify(-ca.gradient(f, q)),
-        B=ca.vertcat(system.rows.B[: system.holonomic_count, :], ca.jacobian(on_levels, q)),
-        c=ca.vertcat(system.f, on_levels),
-        value=f,
-        driving=ca.SX.zeros(q.numel()),
-    )
-
-
-def _laws(system: System, levels: Sequence[EnforcedLevel], **own: ca.SX) -> StaticLaws:
-    return StaticLaws(
-        t=system.symbols.t,
-        q=system.symbols.q,
-        p=system.p,
-        g=ca.densify(system.contacts.g),
-        G=system.contacts.G,
-        sides=_column([side for side in (level.side for level in levels) if not side.is_constant()]),
-        path=system.model.path,
-        **own,
-    )
+    return StaticLaws(*given, path=system.model.path)
 
 
 def _column(parts: Sequence[ca.SX]) -> ca.SX:
