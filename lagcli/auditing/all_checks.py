@@ -27,7 +27,7 @@ from lagcli.auditing.checks.audit_report import (
     MOST_LISTED,
     Audit,
     Check,
-    CheckedLaw,
+    Law,
     judge,
     merged,
 )
@@ -39,7 +39,7 @@ from lagcli.auditing.evidence.table_input import AuditedTable, Record, WrittenDi
 from lagcli.auditing.evidence.tolerances import RESOLVED, Evidence, Tolerance, WholeRun
 from lagcli.model import model as nouns
 
-NUMBERS = CheckedLaw("numbers", "", "every entry is a finite number")
+NUMBERS = Law("numbers", "", "every entry is a finite number")
 FEW_NUMBERS = "the table has too few numbers to tell whether they are rounded"
 MOST = 60  # stretches, the longest ones, that are examined by differences
 MOST_MODES = 60  # sets of closed contacts, those with most rows
@@ -166,9 +166,8 @@ class _Judged(NamedTuple):
     def fail_everywhere(self) -> bool:
         """True if most rows that a check looks at fail: so they do where they are rounded, but for the first row, which
         may be as it was declared."""
-        beyond = (
-            [ratio > 1 for _, ratio in check.curve][1:] for check in self.checks if check.verdict == "fail"
-        )
+        failing = (check for check in self.checks if check.verdict == "fail")
+        beyond = ([ratio > 1 for _, ratio in check.curve][1:] for check in failing)
         return any(np.mean(rows) >= HALF for rows in beyond if rows)
 
 
@@ -282,16 +281,16 @@ def _by_parts(e: Evidence) -> _Judged:
         laws = (checks_steps.STEPS, checks_motion.RATES, checks_motion.NEWTON, checks_motion.ENERGY)
         along = [law.unjudged(FAR_APART) for law in laws]
     cuts, note = int((cut & is_step).sum()), ""
+    told = f"{cuts} of {steps} steps between rows"
     if unseen and incidents is None and cuts:
         note = (
-            f"{cuts} of {steps} steps between rows may hold an impact: they are not judged without --events"
+            f"{told} may hold an impact: they are not judged without --events ({unseen} steps are left out of"
         )
-        note += f" ({unseen} steps are left out of what is judged by differences)"
+        note += " what is judged by differences)"
     elif unseen:
         note = (
-            f"{cuts} of {steps} steps between rows hold incidents; {unseen} stand in stretches too short for"
+            f"{told} hold incidents; {unseen} stand in stretches too short for differences, or between them"
         )
-        note += " differences, or between them"
     return _Judged([*of_rows, *along], sentences, [note] if note else [], virtual_work)
 
 
@@ -322,27 +321,23 @@ def _uniqueness(e: Evidence) -> list[str]:
     regular = ~d.is_singular
     if regular.any():
         worst = int((d.condition * regular).argmax())
-        sentences.append(
-            f"the condition of the rows, each divided by its length, is at most {d.condition[worst]:.2g}"
-            f" (at t = {times[worst]:.6g})"
-        )
+        at_most = f"{d.condition[worst]:.2g} (at t = {times[worst]:.6g})"
+        sentences.append(f"the condition of the rows, each divided by its length, is at most {at_most}")
     if d.is_singular.any():
         first = times[d.is_singular][0]
         sentences.append(
             f"{int(d.is_singular.sum())} of the {len(times)} rows of the table that were looked at are at or next to a"
             f" singular configuration, the first at t = {first:.6g}: multipliers may have poles there, R has none"
         )
-    open_ = [
-        row for row, unique in zip(laws.rows, d.is_unique[regular].all(axis=0), strict=True) if not unique
-    ]
+    are_unique = d.is_unique[regular].all(axis=0)
+    open_ = [row for row, unique in zip(laws.rows, are_unique, strict=True) if not unique]
     if not regular.any():
         sentences.append(
             "which multipliers are determined is not known: no row of the table that was looked at is regular"
         )
     elif open_:
-        shown = ", ".join(f"`{row}`" for row in open_[:MOST_LISTED]) + (
-            " ..." if len(open_) > MOST_LISTED else ""
-        )
+        more = " ..." if len(open_) > MOST_LISTED else ""
+        shown = ", ".join(f"`{row}`" for row in open_[:MOST_LISTED]) + more
         sentences.append(
             f"{len(open_)} of {laws.C} multipliers are not determined ({shown}): their rows depend on each other;"
             " the others, R and the motion are unique"

@@ -10,19 +10,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from lagcli import doubles
-from lagcli.auditing.checks.audit_report import Audit, CheckedLaw, judge_parts
+from lagcli.auditing.checks.audit_report import Audit, Law, judge_parts
 from lagcli.auditing.evidence import table_input
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.laws import LawValues, ModelLaws
 from lagcli.auditing.evidence.tolerances import RESOLVED
 from lagcli.model import model as nouns
 
-POSITIONS = CheckedLaw("places", "D.2", "f(r, q, t) = 0, and b = 0 of rows at rest")
-EQUILIBRIUM = CheckedLaw(
-    "equilibrium", "D.25", "F + sum lambda_i B_i = 0 with zero velocities and accelerations"
-)
-REACTIONS = CheckedLaw("reactions", "D.22", "R = sum lambda_i B_i, and m a - F of dependent particles")
-SIGNORINI = CheckedLaw("signorini", "", "g >= 0, lambda >= 0, lambda g = 0")
+POSITIONS = Law("places", "D.2", "f(r, q, t) = 0, and b = 0 of rows at rest")
+EQUILIBRIUM = Law("equilibrium", "D.25", "F + sum lambda_i B_i = 0 with zero velocities and accelerations")
+REACTIONS = Law("reactions", "D.22", "R = sum lambda_i B_i, and m a - F of dependent particles")
+SIGNORINI = Law("signorini", "", "g >= 0, lambda >= 0, lambda g = 0")
 ROUNDED = 1e-11  # the rounding of numbers that a table holds, as a part of them
 
 
@@ -89,9 +87,8 @@ def audit(model: nouns.Model, columns: Sequence[str], rows: Array, unread: Seque
             ),
         ]
         if laws.contacts:  # they push, and only where they touch
-            labels = [
-                f"{word} {name}" for word in ("gap of", "force of", "either of") for name in laws.contacts
-            ]
+            words = "gap of", "force of", "either of"
+            labels = [f"{word} {name}" for word in words for name in laws.contacts]
             pulls = np.minimum(push, 0), doubles.ZERO * _largest(lam) + 0 * push + 1e-300
             either = np.minimum(np.abs(g), np.abs(push)), off
             checks.append(judge_parts(SIGNORINI, labels, numbers, (np.minimum(g, 0), off), pulls, either))

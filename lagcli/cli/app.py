@@ -18,11 +18,8 @@ from lagcli.errors import diagnostics
 Click: TypeAlias = Any  # contexts, commands, formatters: other classes by the version of typer
 
 # What the program and its commands have in common.
-LOOKS: dict[str, Any] = {
-    "rich_markup_mode": None,
-    "pretty_exceptions_enable": False,
-    "context_settings": {"help_option_names": ["-h", "--help"]},
-}
+LOOKS: dict[str, Any] = {"rich_markup_mode": None, "pretty_exceptions_enable": False}
+LOOKS["context_settings"] = {"help_option_names": ["-h", "--help"]}
 
 # The error of a wrong command line, of the library that typer uses or of the one it holds, by its version.
 _UsageError: Any = typer.BadParameter.__base__

@@ -95,11 +95,8 @@ def _derived(built: System, options: Options) -> Derivation:
         substituted.append(Line(sides=sides, kind="constant", family=body))
     if substituted:
         written.insert(0, ("Values put in", substituted))
-    sections = tuple(
-        Section(title, tuple(lines if options.everything else _cut(lines)))
-        for title, lines in written
-        if lines
-    )
+    shown = ((title, lines if options.everything else _cut(lines)) for title, lines in written if lines)
+    sections = tuple(Section(title, tuple(lines)) for title, lines in shown)
     # No title, whatever characters it has, steers a terminal or leaves its line.
     title = " ".join(diagnostics.printable(model.title or "Equations of motion").split())
     particles, rows, inequalities = len(system.table.particles), len(system.rows), len(system.contacts.rows)

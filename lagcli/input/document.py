@@ -273,9 +273,7 @@ class _Document:
             entry = unchanged.get(word) if isinstance(unchanged, yaml_tree.Mapping) else None
             position = entry.get("position") if isinstance(entry, yaml_tree.Mapping) else None
             particles.append(reader.read(position))
-        settled = (
-            (word, expression) for word, expression in defined.items() if names.settle(word) is not None
-        )
+        settled = (one for one in defined.items() if names.settle(one[0]) is not None)
         definitions = tuple(model.Definition(*one) for one in settled)
         return tuple(particle for particle in particles if particle is not None), definitions
 

@@ -119,9 +119,8 @@ class ParticleReader:
     def find(self) -> tuple[facts.Facts, facts.Facts, facts.Facts]:
         """Facts of the position as others see it: coordinates of its own, or functions of q and t."""
         if self._position is not None:
-            self._facts = self._formulas.vector_facts(
-                self._position, facts.POSITION_OR_TIME, "the position of a particle"
-            )
+            given = self._position, facts.POSITION_OR_TIME, "the position of a particle"
+            self._facts = self._formulas.vector_facts(*given)
         if self._facts is None:
             # What is wrong has been reported; what others say about this particle can still be checked.
             return (facts.Facts(None, frozenset(("position",))),) * 3

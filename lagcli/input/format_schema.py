@@ -94,11 +94,10 @@ def _mapping(key: keys.Key) -> Schema:
         found["required"] = list(required)
     if key.one_of:
         found["anyOf"] = [{"required": list(names)} for names in key.one_of]
-    alone: Schema = {
-        one.name: {"not": {"anyOf": [{"required": [name]} for name in one.instead_of]}}
-        for one in key.keys
-        if one.instead_of
-    }
+    alone: Schema = {}
+    for one in key.keys:
+        if one.instead_of:
+            alone[one.name] = {"not": {"anyOf": [{"required": [name]} for name in one.instead_of]}}
     if alone:
         found["dependencies"] = alone
     return found

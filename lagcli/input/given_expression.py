@@ -123,9 +123,8 @@ def changed(
         entry = int(member_index.entries(number)[0])
         member, declared = int(number[0]) - member_index.first(entry), found[entry]
         if isinstance(declared, nouns.Particle) and declared.start is None:
-            message = (
-                f"`{change.owner}` has no initial values: its position is a function of coordinates or time"
-            )
+            message = f"`{change.owner}` has no initial values"
+            message += ": its position is a function of coordinates or time"
             formulas.report(change.value, "not-an-initial-value", message, "change the file instead")
             continue
         values = getattr(declared, _FIELDS[change.field]).copy()

@@ -16,7 +16,7 @@ def test_a_law_of_the_audit_has_its_name_alone() -> None:
     laws: dict[str, set[str]] = {}
     for name in FILES:
         for node in nodes(name):
-            if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("CheckedLaw"):
+            if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("Law"):
                 called, equation = (ast.literal_eval(argument) for argument in node.args[:2])
                 laws.setdefault(called, set()).add(equation or f"{name}:{node.lineno}")
     assert len(laws) > 30

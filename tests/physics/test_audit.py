@@ -14,7 +14,7 @@ import pytest
 
 import lagcli
 from lagcli.auditing.checks import checks_lagrangian
-from lagcli.auditing.checks.audit_report import Audit, CheckedLaw, judge
+from lagcli.auditing.checks.audit_report import Audit, Law, judge
 from lagcli.auditing.evidence import differences, model_values, table_input
 from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.auditing.evidence.model_values import ModelIndex, ModelOnTable
@@ -497,7 +497,7 @@ def test_symmetries_are_found_where_they_are() -> None:
 
 
 def test_a_residual_that_is_no_number_fails() -> None:
-    law = CheckedLaw("any", "D.0", "0 = 0")
+    law = Law("any", "D.0", "0 = 0")
     check = judge(law, ["a"], np.zeros(1), np.full((1, 1), np.nan), np.ones((1, 1)))
     assert check.verdict == "fail"
     open_ = judge(law, ["a"], np.zeros(1), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1), dtype=bool))
@@ -508,9 +508,7 @@ def test_every_check_stands_in_the_page_of_the_audit() -> None:
     page = (ROOT / "docs" / "explanation" / "audit.md").read_text(encoding="utf-8")
     told = re.findall(r"^\| `(\w+)` \|", page, flags=re.MULTILINE)
     files = (ROOT / "lagcli" / "auditing").rglob("*.py")
-    laws = re.findall(
-        r'CheckedLaw\(\s*"(\w+)"', "\n".join(path.read_text(encoding="utf-8") for path in files)
-    )
+    laws = re.findall(r'Law\(\s*"(\w+)"', "\n".join(path.read_text(encoding="utf-8") for path in files))
     assert len(laws) > 30
     assert sorted(laws) == sorted(told)
 

@@ -11,7 +11,7 @@ import pytest
 import lagcli
 from lagcli.auditing import all_checks
 from lagcli.auditing.checks import checks_pointwise, checks_steps
-from lagcli.auditing.checks.audit_report import Audit, CheckedLaw, judge
+from lagcli.auditing.checks.audit_report import Audit, Law, judge
 from lagcli.auditing.evidence import table_input
 from lagcli.auditing.evidence.laws import ModelLaws
 from lagcli.auditing.evidence.table_input import AuditedTable
@@ -376,7 +376,7 @@ forces: {w: {to: a, force: [0, 0, -9.81*m]}, kick: {to: a, force: ["5*exp(-((t -
 
 
 def test_pass_is_said_of_what_was_judged() -> None:
-    law = CheckedLaw("any", "D.0", "0 = 0")
+    law = Law("any", "D.0", "0 = 0")
     judged = np.zeros((100, 1), dtype=bool)
     for count, verdict in (
         (100, "pass"),

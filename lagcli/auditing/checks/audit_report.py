@@ -68,10 +68,8 @@ class Check:
 
     def as_json(self) -> dict[str, object]:
         """The check as it stands in the JSON; numbers that are not finite are null."""
-        own = {
-            "worst": None if self.worst is None else self.worst.as_json(),
-            "failing": [location.as_json() for location in self.failing],
-        }
+        worst = None if self.worst is None else self.worst.as_json()
+        own = {"worst": worst, "failing": [location.as_json() for location in self.failing]}
         names = "name law equation verdict worst failing failures judged entries fraction note".split()
         return {name: own[name] if name in own else getattr(self, name) for name in names}
 
@@ -173,7 +171,7 @@ class Audit:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class CheckedLaw:
+class Law:
     """The name of a check, the law it is about and its equation."""
 
     name: str
@@ -190,7 +188,7 @@ class CheckedLaw:
 
 
 def judge(
-    law: CheckedLaw,
+    law: Law,
     names: Sequence[str],
     t: Array,
     residual: Array,
@@ -234,7 +232,7 @@ def judge(
     )
 
 
-def judge_parts(law: CheckedLaw, names: Sequence[str], t: Array, *parts: tuple[Array, Array]) -> Check:
+def judge_parts(law: Law, names: Sequence[str], t: Array, *parts: tuple[Array, Array]) -> Check:
     """Hold residuals against limits, (M, k) each, of several parts side by side."""
     residual, limit = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
     return judge(law, names, t, residual, limit)
@@ -309,13 +307,13 @@ def lines(audit: Audit) -> AuditLines:
             rows.append((check.name, law, f"{worst.value:.1e}", f"{worst.limit:.1e}", verdict, where))
         if verdict == "fail":
             about = f" ({check.law}: {check.equation})" if check.law else ""
+            shown = check.failing[:MOST_LISTED]
             faults = [
-                f"{at.name} at t = {at.t:.9g}: {at.value:.3g}, the limit is {at.limit:.3g}"
-                for at in check.failing[:MOST_LISTED]
+                f"{at.name} at t = {at.t:.9g}: {at.value:.3g}, the limit is {at.limit:.3g}" for at in shown
             ]
             others = max(0, check.failures - MOST_LISTED)
             failures.append((f"{check.name} fails{about}:", faults, others))
-    sentences = [sentence[0].upper() + sentence[1:] + "." for sentence in audit.sentences]
+    sentences = [f"{sentence[0].upper()}{sentence[1:]}." for sentence in audit.sentences]
     if audit.figures:
         figures = dict(audit.figures)
         real = figures["work_of_constraints"]

@@ -7,16 +7,16 @@ import functools
 
 import numpy as np
 
-from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
+from lagcli.auditing.checks.audit_report import Check, Law, judge
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.differences import widest
 from lagcli.auditing.evidence.tolerances import SAFETY, Evidence
 
-GAPS = CheckedLaw("gaps", "", "g_j >= 0")
-PUSHES = CheckedLaw("pushes", "", "lambda_j >= 0")
-COMPLEMENTARY = CheckedLaw("complementarity", "", "lambda_j g_j = 0")
-PRESSED = CheckedLaw("contacts", "", "d2g_j/dt2 >= 0 where g_j, dg_j/dt and lambda_j are 0")
-MISSED = CheckedLaw("missed", "", "no contact opens or closes between rows without an incident")
+GAPS = Law("gaps", "", "g_j >= 0")
+PUSHES = Law("pushes", "", "lambda_j >= 0")
+COMPLEMENTARY = Law("complementarity", "", "lambda_j g_j = 0")
+PRESSED = Law("contacts", "", "d2g_j/dt2 >= 0 where g_j, dg_j/dt and lambda_j are 0")
+MISSED = Law("missed", "", "no contact opens or closes between rows without an incident")
 BEND = 3.0  # times the change of a rate of g over a step, the usual one or that beside: what smooth forces may add
 
 

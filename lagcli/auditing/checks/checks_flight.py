@@ -14,7 +14,7 @@ import numpy as np
 
 from lagcli import doubles
 from lagcli.auditing.checks import checks_contact, checks_impact
-from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge, merged
+from lagcli.auditing.checks.audit_report import Check, Law, judge, merged
 from lagcli.auditing.checks.checks_contact import ContactStates
 from lagcli.auditing.checks.checks_impact import ImpactEvidence
 from lagcli.auditing.evidence.autodiff import Array
@@ -25,7 +25,7 @@ from lagcli.auditing.evidence.table_input import Record
 from lagcli.auditing.evidence.tolerances import COST, RESOLVED, SAFETY, Evidence
 from lagcli.auditing.evidence.virtual_space import VirtualSpace
 
-FLIGHTS = CheckedLaw("flights", "D.23, D.24", "r and m v from an incident to the next row or incident")
+FLIGHTS = Law("flights", "D.23, D.24", "r and m v from an incident to the next row or incident")
 # Rows between two incidents that are examined by differences; fewer are, one by one, as flights. At 4
 # `test_rows_between_impacts_are_judged_however_few_they_are` of `tests/physics/test_audit_tables.py` fails.
 FEWEST_ROWS = 8
@@ -72,10 +72,8 @@ def _flights(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> Flig
     # Contacts that are closed before and after each incident, (E, K)
     at, atol = impact.contacts, impact.tolerance.atol
     is_near = np.abs(impact.before.values.f[:, at]) <= impact.before.noise("f")[:, at] + atol
-    before_it, after_it = (
-        is_near & (np.abs(side.values.w[:, at]) <= side.noise("w")[:, at] + atol)
-        for side in (impact.before, impact.after)
-    )
+    resting = (np.abs(side.values.w) <= side.noise("w") + atol for side in (impact.before, impact.after))
+    before_it, after_it = (is_near & rests[:, at] for rests in resting)
     # By some impacts nothing approaches faster than its limit: whether what it strikes rests or rebounds is not known
     slow = impact.before.values.w >= -(impact.before.noise("w") + atol)
     is_weak = (incidents.kinds == "impact") & slow[:, at].all(axis=1)

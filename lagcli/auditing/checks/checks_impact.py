@@ -25,7 +25,7 @@ import numpy as np
 
 from lagcli import doubles
 from lagcli.auditing.checks import checks_contact, checks_motion, checks_pointwise
-from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge, judge_parts
+from lagcli.auditing.checks.audit_report import Check, Law, judge, judge_parts
 from lagcli.auditing.checks.checks_motion import energy_of_motion
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.differences import TWICE
@@ -33,23 +33,19 @@ from lagcli.auditing.evidence.laws import LawValues
 from lagcli.auditing.evidence.table_input import Incidents
 from lagcli.auditing.evidence.tolerances import RESOLVED, SAFETY, Evidence
 
-JUMPS = CheckedLaw("jumps", "", "p(+) - p(-) = sum_i impulse_i B_i over all rows and contacts")
-ROWS_AFTER = CheckedLaw(
+JUMPS = Law("jumps", "", "p(+) - p(-) = sum_i impulse_i B_i over all rows and contacts")
+ROWS_AFTER = Law(
     "kept", "D.2, D.6, D.27", "f = 0, B v(+) + b = 0, r_k = x_k(q, t) and v_k = dx_k/dt at every incident"
 )
-IMPACTS = CheckedLaw("impacts", "", "0 <= impulse_j, dg_j(+) + e_j min(dg_j(-), 0) >= 0, one of them 0")
-TOUCHED = CheckedLaw(
-    "touched", "", "g_j = 0 where an incident names it, and where it has an impulse; g_j >= 0"
-)
-RECORDED = CheckedLaw(
+IMPACTS = Law("impacts", "", "0 <= impulse_j, dg_j(+) + e_j min(dg_j(-), 0) >= 0, one of them 0")
+TOUCHED = Law("touched", "", "g_j = 0 where an incident names it, and where it has an impulse; g_j >= 0")
+RECORDED = Law(
     "recorded",
     "",
     "one row of a kind and a name at an instant; of an impact where impulse_j > 0, and only there",
 )
-LOSSES = CheckedLaw(
-    "losses", "", "T(+) - T(-) - work of moving rows = 1/2 sum of impulse . (dg(+) + dg(-)) <= 0"
-)
-BALANCE = CheckedLaw("balance", "D.10, D.35", "E(t) - E(0) = sum of T(+) - T(-) of the impacts so far")
+LOSSES = Law("losses", "", "T(+) - T(-) - work of moving rows = 1/2 sum of impulse . (dg(+) + dg(-)) <= 0")
+BALANCE = Law("balance", "D.10, D.35", "E(t) - E(0) = sum of T(+) - T(-) of the impacts so far")
 CLOSING = ("impact", "accumulation", "contact")
 MERGED = (
     1 / RESOLVED

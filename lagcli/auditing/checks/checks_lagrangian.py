@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lagcli import doubles
-from lagcli.auditing.checks.audit_report import FAR_APART, Check, CheckedLaw, judge
+from lagcli.auditing.checks.audit_report import FAR_APART, Check, Law, judge
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.differences import DifferenceGrid, with_truncation
 from lagcli.auditing.evidence.laws import TINY
@@ -17,12 +17,12 @@ from lagcli.auditing.evidence.row_spacing import RowSpacing
 from lagcli.auditing.evidence.tolerances import RESOLVED, SAFETY, Evidence
 from lagcli.auditing.evidence.virtual_space import VirtualSpace
 
-HAMILTON = CheckedLaw("hamilton", "D.49", "integral of dL + Q_nc . dq = 0 over varied paths with fixed ends")
-ACTION = CheckedLaw("action", "D.49", "S(eps) - S(0) = O(eps^2) on varied paths with f = 0")
+HAMILTON = Law("hamilton", "D.49", "integral of dL + Q_nc . dq = 0 over varied paths with fixed ends")
+ACTION = Law("action", "D.49", "S(eps) - S(0) = O(eps^2) on varied paths with f = 0")
 LEAST, MOST = 25, 401  # rows of a window
 VECTORS = 6  # directions varied in a window
 BUMP = 4  # c(t) = (4 s (1 - s))**BUMP vanishes at both ends, with its first derivatives
-MOMENTA = CheckedLaw("momenta", "D.39, D.53", "dJ/dt = (lambda^T B + Q_nc) . xi, J = dL/dq' . xi")
+MOMENTA = Law("momenta", "D.39, D.53", "dJ/dt = (lambda^T B + Q_nc) . xi, J = dL/dq' . xi")
 SAMPLES = 48  # rows at which a symmetry is tried, evenly over the table
 
 
@@ -86,7 +86,7 @@ def hamilton(e: Evidence) -> list[Check]:
     return [HAMILTON.unjudged(f"{FAR_APART}: {LEAST} are needed, and no push between two of them")]
 
 
-def _judged(law: CheckedLaw, varied: Sequence[tuple[Window, Array, tuple[float, float, bool]]]) -> Check:
+def _judged(law: Law, varied: Sequence[tuple[Window, Array, tuple[float, float, bool]]]) -> Check:
     """The check of variations, each with its integral, limit, and whether it can be judged."""
     residuals, limits, judged = (np.array([[answer[k] for _, _, answer in varied]]) for k in range(3))
     names = [window.name(w) for window, w, _ in varied]

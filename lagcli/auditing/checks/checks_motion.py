@@ -6,19 +6,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
+from lagcli.auditing.checks.audit_report import Check, Law, judge
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.differences import Estimate, of_particles, with_truncation
 from lagcli.auditing.evidence.laws import LawValues
 from lagcli.auditing.evidence.row_spacing import RowSpacing
 from lagcli.auditing.evidence.tolerances import RESOLVED, SAFETY, Evidence
 
-RATES = CheckedLaw("rates", "D.24", "dr_k/dt = v_k")
-PATH = CheckedLaw("path", "D.24", "r_k(t) - r_k(0) = integral of v_k dt")
-IMPULSE = CheckedLaw("impulse", "D.23", "m_k v_k(t) - m_k v_k(0) = integral of F_k + R_k dt")
-NEWTON = CheckedLaw("newton", "D.23, D.53", "m_k a_k = F_k + R_k")
-DALEMBERT = CheckedLaw("dalembert", "D.26", "sum_k (m_k a_k - F_k) . dr_k = 0 over virtual displacements")
-ENERGY = CheckedLaw("energy", "D.10, D.35", "d(T + V)/dt = F_nc . v + Q_nc . q' + dV/dt - dL/dt + R . v")
+RATES = Law("rates", "D.24", "dr_k/dt = v_k")
+PATH = Law("path", "D.24", "r_k(t) - r_k(0) = integral of v_k dt")
+IMPULSE = Law("impulse", "D.23", "m_k v_k(t) - m_k v_k(0) = integral of F_k + R_k dt")
+NEWTON = Law("newton", "D.23, D.53", "m_k a_k = F_k + R_k")
+DALEMBERT = Law("dalembert", "D.26", "sum_k (m_k a_k - F_k) . dr_k = 0 over virtual displacements")
+ENERGY = Law("energy", "D.10, D.35", "d(T + V)/dt = F_nc . v + Q_nc . q' + dV/dt - dL/dt + R . v")
 
 
 def rates(e: Evidence) -> list[Check]:
@@ -32,7 +32,7 @@ def rates(e: Evidence) -> list[Check]:
 
 
 def _held(
-    e: Evidence, law: CheckedLaw, names: tuple[str, ...], residual: Estimate, size: Array, judged: Array
+    e: Evidence, law: Law, names: tuple[str, ...], residual: Estimate, size: Array, judged: Array
 ) -> list[Check]:
     """Residuals within their bounds, judged where truncation leaves little of a size open or less than noise."""
     judged = judged & (residual.truncation <= np.maximum(RESOLVED * size, residual.noise))
@@ -61,7 +61,7 @@ def impulse(e: Evidence) -> list[Check]:
 
 def _integrated(
     e: Evidence,
-    law: CheckedLaw,
+    law: Law,
     names: tuple[str, ...],
     moving: tuple[Array, Array],
     off: Array,

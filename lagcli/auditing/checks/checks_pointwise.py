@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from lagcli.auditing.checks import checks_motion
-from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
+from lagcli.auditing.checks.audit_report import Check, Law, judge
 from lagcli.auditing.evidence.autodiff import Array, Value
 from lagcli.auditing.evidence.differences import CLOCK, widest, with_truncation
 from lagcli.auditing.evidence.laws import LawValues, ModelLaws
@@ -21,18 +21,16 @@ from lagcli.expression.tree import ExpressionError
 from lagcli.model.family import Integers, MemberIndex
 from lagcli.model.resolve import Reference
 
-POSITIONS = CheckedLaw("positions", "D.2", "f_i(r, t) = 0")
-VELOCITIES = CheckedLaw("velocities", "D.6", "sum_k B_ik . v_k + B_it = 0")
-DEPENDENT = CheckedLaw("dependent", "D.27", "r_k = x_k(q, t), v_k = dx_k/dt")
-DEMAND = CheckedLaw("accelerations", "D.24", "d/dt (B v + b) = 0 with a_k = (F_k + R_k)/m_k")
-REACTIONS = CheckedLaw("reactions", "D.22", "R_k = sum_i lambda_i B_ik")
-MULTIPLIERS = CheckedLaw("multipliers", "D.22", "lambda_i is that of R where it is unique")
-IDEAL = CheckedLaw("ideal", "D.11", "sum_k R_k . dr_k = 0 over virtual displacements")
-CARRIED = CheckedLaw("generalized", "D.30", "sum_k R_k . dr_k/dq_j = R_j + what acts on q_j itself")
-POWER = CheckedLaw("work", "D.6", "sum_k R_k . v_k = - sum_i lambda_i B_it")
-COLUMNS = CheckedLaw(
-    "columns", "D.10, D.35", "energy and outputs follow from t, r, v, lambda and R of the same row"
-)
+POSITIONS = Law("positions", "D.2", "f_i(r, t) = 0")
+VELOCITIES = Law("velocities", "D.6", "sum_k B_ik . v_k + B_it = 0")
+DEPENDENT = Law("dependent", "D.27", "r_k = x_k(q, t), v_k = dx_k/dt")
+DEMAND = Law("accelerations", "D.24", "d/dt (B v + b) = 0 with a_k = (F_k + R_k)/m_k")
+REACTIONS = Law("reactions", "D.22", "R_k = sum_i lambda_i B_ik")
+MULTIPLIERS = Law("multipliers", "D.22", "lambda_i is that of R where it is unique")
+IDEAL = Law("ideal", "D.11", "sum_k R_k . dr_k = 0 over virtual displacements")
+CARRIED = Law("generalized", "D.30", "sum_k R_k . dr_k/dq_j = R_j + what acts on q_j itself")
+POWER = Law("work", "D.6", "sum_k R_k . v_k = - sum_i lambda_i B_it")
+COLUMNS = Law("columns", "D.10, D.35", "energy and outputs follow from t, r, v, lambda and R of the same row")
 Results = tuple[Array, Array, Array]
 """The results that a run was solved for at T rows: lambda (T, C), R and a of all particles, (T, 3 N); a is nan where it
 does not follow from the row: `lagrangian` of a velocity."""

@@ -13,16 +13,14 @@ import functools
 import numpy as np
 
 from lagcli import doubles
-from lagcli.auditing.checks.audit_report import Check, CheckedLaw, judge
+from lagcli.auditing.checks.audit_report import Check, Law, judge
 from lagcli.auditing.evidence import differences
 from lagcli.auditing.evidence.autodiff import Array
 from lagcli.auditing.evidence.differences import CAUTION, TENTH, TWICE, WIDE, of_particles
 from lagcli.auditing.evidence.row_spacing import OFTEN, REACHED, RowSpacing
 from lagcli.auditing.evidence.tolerances import SAFETY, Evidence
 
-STEPS = CheckedLaw(
-    "steps", "D.23, D.24", "r and m v of a row and the next: integrals of v and F + R over the step"
-)
+STEPS = Law("steps", "D.23, D.24", "r and m v of a row and the next: integrals of v and F + R over the step")
 ORDERS = {order: CAUTION / 2**order for order in (2, 4, 6)}
 """Rows of the interpolant of the rates with the part of their differences of that order that bounds its error.
 
@@ -74,9 +72,8 @@ class TableSteps:
         # Differences of the rows j to j + m count for the steps j - 1 to j + m.
         padded = np.zeros((len(self.h) + m + 1, y.shape[1]))
         padded[m : m + len(size)] = size
-        return np.asarray(
-            np.lib.stride_tricks.sliding_window_view(padded, m + 2, axis=0).max(axis=2)[: len(self.h)]
-        )
+        windows = np.lib.stride_tricks.sliding_window_view(padded, m + 2, axis=0)
+        return np.asarray(windows.max(axis=2)[: len(self.h)])
 
 
 def quantities(e: Evidence) -> list[Quantity]:
@@ -149,11 +146,9 @@ def steps(e: Evidence) -> list[Check]:
                 break
         e.hidden |= push > 0
         # The most that a push within a step changes: a momentum, or a position
-        changes = (
-            h * push[:, None] * each.root if each.second is None else h * h * push[:, None] / each.root
-            for each in every_quantity
-        )
-        limit = limit + np.concatenate(list(changes), axis=1)
+        most = h * push[:, None]
+        changes = [most * e.root if e.second is None else h * most / e.root for e in every_quantity]
+        limit = limit + np.concatenate(changes, axis=1)
     beyond = judged & (np.abs(residual) > limit) & fast[:, None]
     if np.any(beyond, axis=1).sum() > max(2 * REACHED, OFTEN * len(residual)):
         # So a motion looks that is too fast for the rows; an error of the table is wrong at some
@@ -199,9 +194,8 @@ def judged_steps(grid: TableSteps, quantity: Quantity, fast: Array) -> tuple[Arr
         i = np.arange(len(grid.h))[:, None]
         is_around = (i >= m // 2 - 1) & (i <= len(grid.h) - m // 2)
         better = (limit < best) & is_around & ~(fast[:, None] & (m > 2))
-        residual, best, truncation = (
-            np.where(better, new, old) for new, old in ((apart, residual), (limit, best), (open_, truncation))
-        )
+        pairs = (apart, residual), (limit, best), (open_, truncation)
+        residual, best, truncation = (np.where(better, new, old) for new, old in pairs)
     # A wide bound is no reason to pass, but what is beyond it fails all the same.
     close = truncation <= np.maximum(TENTH * h * quantity.size, best - truncation)
     judged = (close | (np.abs(residual) > best)) & ~quantity.coarse

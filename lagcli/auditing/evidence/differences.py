@@ -144,10 +144,8 @@ class DifferenceGrid:
         if order < 2:
             return np.zeros(rate.shape)
         steps = np.lib.stride_tricks.sliding_window_view(self._steps, order + 1).max(axis=1)[:, None]
-        ours, theirs = (
-            scaled_differences(self.t, y, order + 1) / steps,
-            scaled_differences(self.t, rate, order),
-        )
+        ours = scaled_differences(self.t, y, order + 1) / steps
+        theirs = scaled_differences(self.t, rate, order)
         largest = []  # within the stencils of each row
         for differences, half in ((ours, (order + 1) // 2), (theirs, order // 2)):
             weights = np.full(len(differences), TENTH)
@@ -225,9 +223,8 @@ def with_truncation(limit: Array, truncation: Array) -> Array:
 
 def of_particles(size: Array) -> Array:
     """The largest size of the three components of each particle, (..., 3 K), in place of each of them."""
-    return np.repeat(
-        size.reshape(*size.shape[:-1], size.shape[-1] // 3, 3).max(axis=-1, initial=0.0), 3, axis=-1
-    )
+    by_particle = size.reshape(*size.shape[:-1], size.shape[-1] // 3, 3)
+    return np.repeat(by_particle.max(axis=-1, initial=0.0), 3, axis=-1)
 
 
 def weights_at_zero(x: Array) -> tuple[Array, Array]:

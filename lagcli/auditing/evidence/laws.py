@@ -281,11 +281,8 @@ class ModelLaws:
             targets = force.action.targets
             if targets.size == 0:
                 continue
-            own: dict[str, Value] = {
-                "m": self.index.masses[targets][None, :],
-                "r": on_table.position(targets),
-                "v": on_table.velocity(targets),
-            }
+            own: dict[str, Value] = {"m": self.index.masses[targets][None, :]}
+            own |= {"r": on_table.position(targets), "v": on_table.velocity(targets)}
             algebra = on_table.algebra(force.action.variables(force.members), own)
             yield targets, on_table.vector(force.force, algebra), algebra
 

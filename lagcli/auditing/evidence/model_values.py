@@ -55,9 +55,8 @@ class ModelIndex:
         self.columns: Integers = np.zeros((self.is_dependent.size, 3), dtype=np.int64)
         self.columns[self.cartesian] = np.arange(self.first_generalized).reshape(-1, 3)
         self.columns[self.dependent] = np.arange(self.n, self.width).reshape(-1, 3)
-        self.masses: Array = np.concatenate(
-            [np.zeros(0), *(np.ravel(p.mass_values) for p in model.particles)]
-        )
+        of_entries = (np.ravel(p.mass_values) for p in model.particles)
+        self.masses: Array = np.concatenate([np.zeros(0), *of_entries])
         self.masses_along: Array = np.zeros(self.width)  # each column
         self.masses_along[self.columns] = self.masses[:, None]
         self.constants: dict[str, float | nouns.Vector3] = {"dt": 1.0, **model.constants}

@@ -60,9 +60,8 @@ class RowSpacing:
     def _swing(self) -> Array:
         """(step)^2 dF/dr / m of Cartesian particles, (T, K)."""
         e, one, other = self._e, self._e.values, self._e.moved_values
-        pull, V_q, F = (
-            getattr(one, name)[:, : e.own] - getattr(other, name)[:, : e.own] for name in ("pull", "V_q", "F")
-        )
+        pairs = (one.pull, other.pull), (one.V_q, other.V_q), (one.F, other.F)
+        pull, V_q, F = (here[:, : e.own] - there[:, : e.own] for here, there in pairs)
         stiffness = np.nan_to_num(np.abs(pull - V_q) + np.abs(F)) / e.off_q[: e.own] / e.masses[: e.own]
         step = float(np.median(np.diff(e.record.t)))
         return np.asarray(step * step * stiffness.reshape(len(stiffness), -1, 3).max(axis=2))
@@ -91,12 +90,10 @@ class RowSpacing:
         # Particles by the mean squares of velocities and accelerations; what moves by less than rounding beside the
         # size of the system is at rest
         of_particles = np.delete(np.arange(r.q.shape[1]), np.s_[own : e.n])
-        q, v, F = (y[:, of_particles] for y in (r.q, r.v, e.values.F - e.values.V_q + r.R))
-        step, size = float(np.median(np.diff(r.t))), float(np.abs(q).max(initial=0.0))
-        speed, push = (
-            np.sqrt((y.reshape(rows, -1, 3) ** 2).sum(axis=2).mean(axis=0))
-            for y in (v, F / e.masses[of_particles])
-        )
+        a = (e.values.F - e.values.V_q + r.R)[:, of_particles] / e.masses[of_particles]
+        step, size = float(np.median(np.diff(r.t))), float(np.abs(r.q[:, of_particles]).max(initial=0.0))
+        squares = ((y.reshape(rows, -1, 3) ** 2).sum(axis=2) for y in (r.v[:, of_particles], a))
+        speed, push = (np.sqrt(square.mean(axis=0)) for square in squares)
         coarse = (step * push > speed) & (step * step * push > 1e-9 * size)
         if own and not np.any(e.values.b):
             # Nothing swings that fast, and what is at rest under a force is no motion.

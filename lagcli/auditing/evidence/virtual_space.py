@@ -68,9 +68,8 @@ class VirtualSpace:
         inverse = self._inverse
         with np.errstate(divide="ignore", invalid="ignore"):
             scaled = np.where(self.lengths > 0, f / self.lengths, 0.0)
-        return np.asarray(
-            np.einsum("mkn,mk->mn", self._across, inverse * np.einsum("mck,mc->mk", self._left, scaled))
-        )
+        along = inverse * np.einsum("mck,mc->mk", self._left, scaled)
+        return np.asarray(np.einsum("mkn,mk->mn", self._across, along))
 
     def basis(self, row: int) -> Array:
         """An orthonormal basis (n - rank, n) of the virtual displacements at one row."""

@@ -93,11 +93,8 @@ def _print_report(found: Audit, verbose: bool) -> None:
     from lagcli.output.figures import labels
 
     name, report = labels.shortened(found.title or found.path, labels.TITLE), audit_report.lines(found)
-    console.paragraph(
-        f"Audit of {name}: {found.rows} rows from t = {found.start:g} to {found.end:g},"
-        f" run to rtol {found.rtol:g}, atol {found.atol:g}",
-        "",
-    )
+    rows = f"{found.rows} rows from t = {found.start:g} to {found.end:g}"
+    console.paragraph(f"Audit of {name}: {rows}, run to rtol {found.rtol:g}, atol {found.atol:g}", "")
     # The lines of the table; on a narrow terminal laws are named by their numbers alone
     lines = report.rows
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]

@@ -90,9 +90,8 @@ def check(
             else:
                 print_report(report, heading=len(models) > 1)
                 lines = report.initial.assembled.lines(read.units) if report.initial.assembled else ()
-                exits.print_err_all(
-                    () if quiet else (*lines, *(warning.render() for warning in report.warnings))
-                )
+                warnings = (warning.render() for warning in report.warnings)
+                exits.print_err_all(() if quiet else (*lines, *warnings))
             if reason:
                 exits.print_err(f"lagcli: {reason}")
             elif loop is not None and not as_json:

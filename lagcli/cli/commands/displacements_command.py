@@ -54,9 +54,8 @@ def displacements(
     exits.print_notes((f"{note}; displacements do not depend on velocities" for note in found.notes), quiet)
     exits.print_notes(found.contacts.notes, quiet)
     if not found.bases.is_certain:
-        exits.print_notes(
-            ["the rows are nearly dependent here; the lower of the possible ranks is taken"], quiet
-        )
+        note = "the rows are nearly dependent here; the lower of the possible ranks is taken"
+        exits.print_notes([note], quiet)
 
 
 def _print_report(found: Displacements) -> None:
@@ -116,9 +115,8 @@ def _print_report(found: Displacements) -> None:
         more = f" and {len(indices) - MOST_LINES} more" if len(indices) > MOST_LINES else ""
         console.paragraph(f"{kind}: {', '.join(names) or 'none'}{more}")
     for row, index in list(enumerate(parts.dependent))[:MOST_LINES]:
-        terms = [
-            (value, f"d{parts.names[i]}") for value, i in zip(parts.T[row], parts.independent, strict=True)
-        ]
+        pairs = zip(parts.T[row], parts.independent, strict=True)
+        terms = [(value, f"d{parts.names[i]}") for value, i in pairs]
         line = f"    d{parts.names[index]} = {_sum([*terms, (parts.tau[row], 'dt')])}"
         console.paragraph(line, "        ")
     print()

@@ -35,9 +35,7 @@ def explain(
         return
     page = catalogue.page(code)
     if page is None:
-        hint = (
-            diagnostics.nearest(code, catalogue.codes())
-            or "`lagcli explain` lists all codes with their meaning"
-        )
+        hint = diagnostics.nearest(code, catalogue.codes())
+        hint = hint or "`lagcli explain` lists all codes with their meaning"
         raise exits.UsageError(f"unknown error code `{code}`; {hint}")
     print(catalogue.render(page))

@@ -74,10 +74,5 @@ def models(
 
 
 def _described(model: GalleryModel) -> dict[str, object]:
-    return {
-        "name": model.name,
-        "subject": model.subject,
-        "title": model.title(),
-        "teaches": model.teaches,
-        "path": str(model.path),
-    }
+    told = {"name": model.name, "subject": model.subject, "title": model.title()}
+    return {**told, "teaches": model.teaches, "path": str(model.path)}

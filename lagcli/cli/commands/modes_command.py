@@ -41,17 +41,15 @@ def modes(
     Exit 4 where the start moves otherwise, and where there is no equilibrium to be found.
     """
     options.require_models([model])
-    write_guard.require(
-        [("MODEL", model)], ("--animate", animate, ("html",)), ("--plot", plot, formats.FIGURES)
-    )
+    outputs = ("--animate", animate, ("html",)), ("--plot", plot, formats.FIGURES)
+    write_guard.require([("MODEL", model)], *outputs)
     read = options.read(model, changes, as_json, verbose)
     from lagcli.api import find_modes
 
     with options.refusals(as_json), options.stops():
         try:
-            found = find_modes.modes(
-                read, about=about, assemble=True if assemble else None, limit=limit, lowest=lowest
-            )
+            moved = True if assemble else None
+            found = find_modes.modes(read, about=about, assemble=moved, limit=limit, lowest=lowest)
         except find_modes.NoEquilibriumError as error:
             exits.print_err(f"lagcli: {error}")
             raise exits.Exit(exits.UNDECIDED) from None

@@ -47,9 +47,8 @@ def command(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., Non
 
     def with_options(function: Callable[..., None]) -> Callable[..., None]:
         hints = typing.get_type_hints(function, include_extras=True)
-        rows = {
-            name: row for name, row in settings.table().items() if row[1].is_option and name not in left_out
-        }
+        known = settings.table().items()
+        rows = {name: row for name, row in known if row[1].is_option and name not in left_out}
         debug = inspect.Parameter("debug", inspect.Parameter.KEYWORD_ONLY, default=False)
         parameters: list[inspect.Parameter] = []
         for parameter in (*inspect.signature(function).parameters.values(), debug):

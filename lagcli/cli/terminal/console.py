@@ -78,9 +78,8 @@ def stacked(headers: Sequence[str], rows: Rows, columns: int) -> Iterator[str]:
     """A table as paragraphs of at most so many columns: the first cell, then each other one after its header."""
     for row in rows:
         first, *cells = (diagnostics.printable(cell) for cell in row)
-        labelled = [
-            f"{header} {cell}".strip() for header, cell in zip(headers[1:], cells, strict=True) if cell
-        ]
+        pairs = zip(headers[1:], cells, strict=True)
+        labelled = [f"{header} {cell}".strip() for header, cell in pairs if cell]
         text = f"{first}: {'; '.join(labelled)}" if first else "; ".join(labelled)
         yield from textwrap.wrap(text, columns, subsequent_indent="    ", break_on_hyphens=False)
 

@@ -343,9 +343,8 @@ def vakonomic(system: Symbolic, signs: Signs) -> Iterator[Line]:
             " may be in no action; `compare --vakonomic` tells whether it has a potential."
         )
         return
-    mus, rates = (
-        [sympy.Symbol(f"{letter}.{row.name}", real=True) for row in rows] for letter in ("mu", "mu'")
-    )
+    names = [row.name for row in rows]
+    mus, rates = ([sympy.Symbol(f"{mu}.{name}", real=True) for name in names] for mu in ("mu", "mu'"))
     for row, mu, rate in zip(rows, mus, rates, strict=True):
         signs.show(mu, Signs.of_row("μ", row.name), f"mu.{row.name}")
         signs.show_as(rate, dataclasses.replace(signs.sign(mu), dots=1), mu)

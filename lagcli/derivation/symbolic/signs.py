@@ -90,9 +90,9 @@ class Signs:
         for axis, symbol in zip("xyz", AXES, strict=True):
             self._show(symbol, f.Sign("e", (axis,), vector=True), f"e_{axis}", VECTOR)
         # A script letter where the model calls something else T, V or L
+        pairs = zip("TVL", "𝒯𝒱ℒ", strict=True)
         self.energies = {
-            letter: self._free(letter, f.Sign(letter), f.Sign(script))
-            for letter, script in zip("TVL", "𝒯𝒱ℒ", strict=True)
+            letter: self._free(letter, f.Sign(letter), f.Sign(script)) for letter, script in pairs
         }
         self._abbreviations()
 
@@ -278,10 +278,9 @@ class Signs:
         kinds = {kind for kind, *_ in kinds_of}
         leading = next((i for i, kind in enumerate(LEADING) if kind in kinds), len(LEADING))
         leads = sorted(place[1:] for place in kinds_of if place[0] in LEADING[leading : leading + 1])
+        powers = term.as_coeff_Mul()[1].as_powers_dict()
         power = sum(
-            int(e)
-            for b, e in term.as_coeff_Mul()[1].as_powers_dict().items()
-            if self._kinds.get(b, (SUM, 0, 0))[0] == RATE and e.is_Integer
+            int(e) for b, e in powers.items() if self._kinds.get(b, (SUM,))[0] == RATE and e.is_Integer
         )
         return leading, -power, leads, sorted(kinds_of), sympy.default_sort_key(term)
 

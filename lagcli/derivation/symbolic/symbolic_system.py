@@ -139,11 +139,8 @@ def symbolic(
     for term in potentials:
         for x in calculus.symbols(term) & index.keys():
             h[index[x]] -= calculus.partial(term, x)
-    contacts = [
-        _holonomic(table, (name, law.members.base), value)
-        for law in model.inequality
-        for name, value in _values(table, law)
-    ]
+    walls = ((law.members.base, row) for law in model.inequality for row in _values(table, law))
+    contacts = [_holonomic(table, (name, base), value) for base, (name, value) in walls]
     return Symbolic(
         table=table,
         names=names,
@@ -328,10 +325,8 @@ def _rigid(table: SymbolTable, body: nouns.RigidBody, geometry: rigid.Geometry) 
         length = constant(f"length {body.name} {label}", value, positive=True)
         yield table.root(x**2 + y**2 + z**2, (x, y, z)) - length
     for row, k in enumerate(geometry.further):
-        weights = [
-            constant(f"weight {body.name} {names[k]},{names[b]}", float(geometry.alpha[row, column]))
-            for column, b in enumerate(geometry.base)
-        ]
+        labels = (f"weight {body.name} {names[k]},{names[b]}" for b in geometry.base)
+        weights = [constant(*one) for one in zip(labels, geometry.alpha[row].tolist(), strict=True)]
         height = None
         if geometry.gamma.size:
             height = constant(f"height {body.name} {names[k]}", float(geometry.gamma[row]))

@@ -69,11 +69,9 @@ def merged(value: sympy.Expr) -> sympy.Expr:
 
 def _length(value: sympy.Expr) -> int:
     # A minus sign in front of a sum, and a quotient, read worse than their number of operations tells.
-    below = sum(
-        int(part.is_Add) + 2 * int(part.is_Pow and part.exp.is_negative is True)
-        for part in sympy.preorder_traversal(value)
-    )
-    return int(value.count_ops()) + below
+    parts = list(sympy.preorder_traversal(value))
+    below = sum(2 for part in parts if part.is_Pow and part.exp.is_negative)
+    return int(value.count_ops()) + sum(1 for part in parts if part.is_Add) + below
 
 
 def _of_two_angles(value: sympy.Expr) -> sympy.Expr:

@@ -93,12 +93,8 @@ _WRITERS: dict[type[f.FormulaNode], Callable[..., str]] = {
 }
 
 # LaTeX's math mode.
-_LETTERS = {letter: name for name, letter in f.GREEK.items()} | {
-    "λ": "lambda",
-    "π": "pi",
-    "ℓ": "ell",
-    "∂": "partial",
-}
+_LETTERS = {letter: name for name, letter in f.GREEK.items()}
+_LETTERS |= {"λ": "lambda", "π": "pi", "ℓ": "ell", "∂": "partial"}
 _SCRIPT = {"𝒯": "T", "𝒱": "V", "ℒ": "L"}
 _KNOWN = frozenset(row.written or row.name for row in functions.ROWS if row.has_latex)
 _DOTS = ("{}", r"\dot{{{}}}", r"\ddot{{{}}}")

@@ -163,13 +163,8 @@ def wrapped(line: str, columns: int, indent: int) -> list[str]:
         if used <= columns:
             continue
         # The outermost break that does not leave most of the line empty.
-        good = [
-            (deep, at)
-            for deep, at in sorted(breaks.items())
-            if at - start > (EARLY if deep == 0 else 2 * EARLY)
-        ]
-        if good:
-            at = good[0][1]
+        good = (at for deep, at in sorted(breaks.items()) if at - start > (2 * EARLY if deep else EARLY))
+        if (at := next(good, None)) is not None:
             rows.append((" " * indent if rows else "") + line[start:at].rstrip())
             used = indent + width(line[at : index + 1])
             start, breaks = at, {deep: other for deep, other in breaks.items() if other > at}

@@ -74,21 +74,15 @@ def read(data: bytes | str) -> Outline:
     except diagnostics.ModelError:
         return EMPTY
     sections = {key.name for key in keys.FORMAT.keys if key.entries}
-    entries = {
-        name.value: node
-        for name, node in root
-        if name.value in sections and isinstance(node, yaml_tree.Mapping)
-    }
-    names = {
-        section: tuple(dict.fromkeys(filter(None, (_pattern(name) for name, _ in node))))
-        for section, node in entries.items()
-    }
-    # The parameters that are written as a list
-    given = entries.get("parameters")
-    vector_names = {
-        *names.get("particles", ()),
-        *{name.value for name, node in given or () if isinstance(node, yaml_tree.Sequence)},
-    }
+    entries, names = dict[str, yaml_tree.Mapping](), dict[str, tuple[str, ...]]()
+    for name, node in root:
+        if name.value in sections and isinstance(node, yaml_tree.Mapping):
+            entries[name.value] = node
+            names[name.value] = tuple(dict.fromkeys(filter(None, (_pattern(one) for one, _ in node))))
+    # Particles, and the parameters that are written as a list
+    given = entries.get("parameters") or ()
+    vector_names = {name.value for name, node in given if isinstance(node, yaml_tree.Sequence)}
+    vector_names |= {*names.get("particles", ())}
     laws = set()
     for section in ("holonomic", "differential"):
         for name, node in entries.get(section, ()):
