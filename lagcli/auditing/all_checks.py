@@ -7,7 +7,6 @@ between two stretches is judged by the incidents.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple
 
@@ -234,7 +233,7 @@ def _by_parts(e: Evidence) -> _Judged:
     def found(runs: Runs, rows: Array, numbers: Sequence[int]) -> tuple[Evidence, list[Check]]:
         """The evidence of some rows, at which these contacts are closed, and what checks find in it."""
         laws, part = ModelLaws(e.laws.model, e.tolerance.jumps, numbers), e.record.part(rows)
-        part = dataclasses.replace(part, lam=part.lam[:, [index[name] for name in laws.rows]])
+        part = part._replace(lam=part.lam[:, [index[name] for name in laws.rows]])
         own = Evidence(laws, part, e.tolerance, e.record)
         return own, [check for findings, where in CHECKS if where == runs for check in findings(own)]
 

@@ -7,8 +7,8 @@ velocities: with a_F = F/m and W the matrix of B m^(-1/2), m^(1/2) (a - a_F) = -
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,8 +33,7 @@ MOST_SETS = 60  # sets of contacts that rest, those with most flights
 LEAST, STATES = 24, 4  # flights that are looked at in any case; states of a flight at which B is taken apart
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Flights:
+class Flights(NamedTuple):
     """P flights: states at both ends, contacts that rest meanwhile (P, K) and whether it is known which, (P,); rebounds
     that are no longer recorded, (P,), with the most that these change rates, (P, n)."""
 
@@ -46,8 +45,7 @@ class Flights:
     left: Array
 
     def part(self, k: Array) -> Flights:
-        others = (self.closed, self.is_known, self.has_rebounds, self.left)
-        return Flights(self.begin.part(k), self.end.part(k), *(part[k] for part in others))
+        return Flights(self.begin.part(k), self.end.part(k), *(part[k] for part in self[2:]))
 
 
 def _flights(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> Flights:
@@ -94,8 +92,7 @@ def _flights(e: Evidence, states: ContactStates, impact: ImpactEvidence) -> Flig
 
 
 def _joined(first: Record, second: Record) -> Record:
-    fields = (f.name for f in dataclasses.fields(Record))
-    return Record(**{name: np.concatenate([getattr(first, name), getattr(second, name)]) for name in fields})
+    return Record(*map(np.concatenate, zip(first, second, strict=True)))
 
 
 def flights(e: Evidence) -> list[Check]:
@@ -135,7 +132,7 @@ def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:
     """Coordinates at an incident and at the row next to it against the integral of the rates of rows. The states of
     incidents take no part in the integral: one that is wrong would hide itself in its bound."""
     incidents, n, names = impact.incidents, e.n, e.names.q[: e.n]
-    r = dataclasses.replace(e.record, q=e.record.q[:, :n], v=e.record.v[:, :n])
+    r = e.record._replace(q=e.record.q[:, :n], v=e.record.v[:, :n])
     first, last = incidents.first, incidents.last
     # The stretches of rows before, between and after the instants; some have rebounds that are not recorded
     at = incidents.t[first]
@@ -147,7 +144,7 @@ def _kinematics(e: Evidence, impact: ImpactEvidence) -> Check:
     # Both sides of each instant, before and after, less one before the first row and one after the last: the state
     # there, the row next to it, the rows up to the next instant
     state = _joined(incidents.before.part(first), incidents.after.part(last))
-    state = dataclasses.replace(state, q=state.q[:, :n], v=state.v[:, :n])
+    state = state._replace(q=state.q[:, :n], v=state.v[:, :n])
     ahead, count = np.repeat([-1, 1], len(at)), end - begin
     k = np.flatnonzero(np.where(ahead < 0, state.t > r.t[0], state.t < r.t[-1]))
     state, ahead = state.part(k), ahead[k]
@@ -268,7 +265,7 @@ class _FreeMotion:
         e = self._e
         signs = self._random.choice((-1.0, 1.0), size=(2, *r.q.shape))
         q, v = r.q + signs[0] * e.off_q, r.v + signs[1] * e.off_v
-        return np.asarray(np.abs(self.accelerations(dataclasses.replace(r, q=q, v=v)) - a))
+        return np.asarray(np.abs(self.accelerations(r._replace(q=q, v=v)) - a))
 
 
 def _powers(u: float) -> Array:
@@ -287,4 +284,4 @@ def _between(begin: Record, end: Record, ends: tuple[Array, Array], u: float) ->
     h = (end.t - begin.t)[:, None]
     given = h * begin.v, h * h * ends[0], end.q - begin.q, h * end.v, h * h * ends[1]
     rise, rate = np.einsum("wg,gpn->wpn", _powers(u)[:2] @ CURVE, np.stack(given))
-    return dataclasses.replace(begin, t=begin.t + u * (end.t - begin.t), q=begin.q + rise, v=rate / h)
+    return begin._replace(t=begin.t + u * (end.t - begin.t), q=begin.q + rise, v=rate / h)

@@ -2,18 +2,13 @@
 
 M (v+ - v-) = B^T Lambda + G^T Lambda_G,  B v+ + b = 0,  0 <= Lambda_j  _|_  dg_j+ + e_j min(dg_j-, 0) >= 0
 
-Rows and positions may move with t. With H = q' . p - L of the whole system, quadratic in q', the jump of p at one
-configuration gives exactly
+With H = q' . p - L of the whole system, quadratic in q', and B_i . q' = df_i/dt - b_i, b_i the rate where only t moves,
+the jump p(+) - p(-) = sum_i impulse_i B_i at one configuration gives exactly
 
-    H(+) - H(-) = (p(+) - p(-)) . (q'(+) + q'(-))/2,    p(+) - p(-) = sum_i impulse_i B_i,    B_i . q' = df_i/dt - b_i
+    H(+) - H(-) + sum_i impulse_i b_i = 1/2 sum_i impulse_i (df_i/dt(+) + df_i/dt(-))
 
-so that H(+) - H(-) + sum_i impulse_i b_i = 1/2 sum_i impulse_i (df_i/dt(+) + df_i/dt(-)): the work of a row that moves
-is -impulse_i b_i, b_i its rate where only t moves. Dependent particles x(q, t) have u = dx/dq . q' + dx/dt, and
-
-    T + V = H + sum_k m_k u_k . dx_k/dt
-
-without what is in `lagrangian`: positions that move with t do the work m_k (u_k(+) - u_k(-)) . dx_k/dt on T. The mass
-matrix may depend on q and t; it is the same on both sides.
+A row that moves does the work -impulse_i b_i. T + V = H + sum_k m_k u_k . dx_k/dt without what is in `lagrangian`:
+dependent particles whose positions move with t do the work m_k (u_k(+) - u_k(-)) . dx_k/dt on T.
 """
 
 from __future__ import annotations

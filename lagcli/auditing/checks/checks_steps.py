@@ -7,8 +7,8 @@ motion of frequency w larger by h w e, which is less than e wherever rows show t
 
 from __future__ import annotations
 
-import dataclasses
 import functools
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,8 +35,7 @@ POINTS = 31  # within each: a pulse that is shorter than a thirtieth of a step m
 PARTS = np.arange(POINTS + 2) / (POINTS + 1)  # of a step, both ends among them
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Quantity:
+class Quantity(NamedTuple):
     """Columns y (T, k) with their rates, by how much both may be off, (T, k), and which cannot be shown, (k,).
 
     size: the largest rate; root: of the mass, or 1. second: the rates of the rates, which make the bounds then.

@@ -6,8 +6,8 @@ which s are holonomic. Units are those of the model.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,8 +32,7 @@ CHUNK = 200_000  # values of one array: what a cache holds
 TINY = 1e-100  # a complex step has no cancellation: so small that its square is nothing
 
 
-@dataclasses.dataclass(slots=True)
-class LawValues:
+class LawValues(NamedTuple):
     """The values of a model at T rows, along all columns (T, n + 3 Nd) where nothing else is said.
 
     x, u, x_t (T, 3 Nd): positions, velocities and explicit rates of the dependent particles; f (T, s); w = B v + b,
@@ -93,8 +92,7 @@ class ModelLaws:
     def values(self, t: Array, q: Array, v: Array, lam: Array) -> LawValues:
         """Everything at T rows: t (T,), q and v (T, n), here and below with further columns or not, lam (T, C)."""
         chunks = [self._values(t[k][:, None], q[k], v[k], lam[k]) for k in self.chunks(len(t))]
-        names = [field.name for field in dataclasses.fields(LawValues)]
-        return LawValues(**{name: np.concatenate([getattr(part, name) for part in chunks]) for name in names})
+        return LawValues(*map(np.concatenate, zip(*chunks, strict=True)))
 
     def pushed(self, t: Array, q: Array, v: Array, F: Array) -> Array:
         """sum_k F_k . dr_k/dq_j over the dependent particles (D.30): F (T, 3 Nd) to (T, n)."""

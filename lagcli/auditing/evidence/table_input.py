@@ -10,6 +10,7 @@ import dataclasses
 import itertools
 import sys
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,8 +31,7 @@ class TableError(ValueError):
     """The table cannot be audited: columns are missing, or its times do not increase."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class AuditedTable:
+class AuditedTable(NamedTuple):
     """Columns with their rows (T, len(columns)); unread: further columns, which are not at hand; events: the incidents
     of the run, where they are."""
 
@@ -41,8 +41,7 @@ class AuditedTable:
     events: EventTable | None = None
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Record:
+class Record(NamedTuple):
     """t (T,); q, v and R (T, n + 3 Nd) of the coordinates and, after them, of the dependent particles; lam (T, C).
     side (T,): -1 of the row before an instant at which there are several, 1 of others there, 0 elsewhere."""
 
@@ -54,11 +53,10 @@ class Record:
     side: Array
 
     def part(self, rows: Array) -> Record:
-        return Record(**{f.name: getattr(self, f.name)[rows] for f in dataclasses.fields(self)})
+        return Record(*(part[rows] for part in self))
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class EventTable:
+class EventTable(NamedTuple):
     """A table of incidents: kinds and names (E,), and the columns of numbers with their rows (E, k)."""
 
     kinds: tuple[str, ...]
@@ -67,8 +65,7 @@ class EventTable:
     rows: Array
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Incidents:
+class Incidents(NamedTuple):
     """E incidents in the order of time. before, after: records in which `lam` are the impulses (E, C + K) and reactions
     are 0; kinds (E,): words; contact (E,): the number of the inequality that is named, or -1."""
 
@@ -104,8 +101,7 @@ class Incidents:
         return np.isin(self.kinds, CHANGING)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class TableNames:
+class TableNames(NamedTuple):
     """The columns of each part of a `Record`."""
 
     q: tuple[str, ...]
@@ -137,7 +133,7 @@ def names(laws: ModelLaws) -> TableNames:
 
 def wanted(laws: ModelLaws, columns: Sequence[str]) -> tuple[str, ...]:
     """The columns that an audit reads of those of a table. Raises `TableError` with what is missing."""
-    needed = ("t", *itertools.chain.from_iterable(dataclasses.astuple(names(laws))))
+    needed = ("t", *itertools.chain(*names(laws)))
     known = set(columns)
     missing = [name for name in needed if name not in known]
     if missing:
@@ -175,7 +171,7 @@ def read(laws: ModelLaws, columns: Sequence[str], rows: Array, repeats: bool = F
         t = t.copy()
         for k in np.flatnonzero(np.diff(t) <= ROUNDINGS * np.spacing(np.abs(t[1:])))[::-1]:
             t[k] = t[k + 1]
-    parts = {part: [known[name] for name in own] for part, own in dataclasses.asdict(names(laws)).items()}
+    parts = {part: [known[name] for name in own] for part, own in names(laws)._asdict().items()}
     follows = np.concatenate([[False], np.diff(t) == 0])
     side = follows * 1.0 - (np.append(follows[1:], False) & ~follows)
     return Record(t=t, side=side, **{part: rows[:, indices] for part, indices in parts.items()})
@@ -222,8 +218,7 @@ def at_rows(incidents: Incidents, r: Record) -> Incidents:
         is_near = np.abs(r.t[k] - t) <= ROUNDINGS * np.spacing(np.abs(t))
         off = [np.abs(r.v[k] - state.v).max(axis=1) for state in (incidents.before, incidents.after)]
         t = np.where(is_near & (off[1] < off[0]), r.t[k], t)
-    before, after = (dataclasses.replace(state, t=t) for state in (incidents.before, incidents.after))
-    return dataclasses.replace(incidents, before=before, after=after)
+    return incidents._replace(before=incidents.before._replace(t=t), after=incidents.after._replace(t=t))
 
 
 # Limits of taking the numbers of a table for rounded ones; the tests are of `tests/unit/test_written_digits.py`.

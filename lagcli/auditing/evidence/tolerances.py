@@ -49,8 +49,7 @@ class Tolerance:
         return Tolerance(rtol, atol, self.jumps, written)
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class WholeRun:
+class WholeRun(typing.NamedTuple):
     """All of a run: its table, and its incidents where they are known, with the tolerance of their own table."""
 
     table: AuditedTable
