@@ -7,22 +7,26 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import subprocess
 import sys
-import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from . import cases, contest, environment, machine, models, page, steps
+from . import programs
+
+os.environ.update(programs.THREADS)  # before NumPy is loaded
+
+from . import cases, contest, machine, models, page, roofline, steps
 
 ROOT = Path(__file__).parents[2]
 RESULTS = Path(__file__).with_name("results.json")
 PAGE = ROOT / "docs" / "explanation" / "benchmarks.md"
 FIGURE = ROOT / "docs" / "images" / "benchmarks.png"
 
-MOTIONS = ("chain", "cloth", "disk", "nonholonomic", "axis")
-ONLY = ("steps", "build", *MOTIONS, "whole")
+ONLY = (*cases.CASES, "whole", "roofline", "steps", "build")
+ROOFLINE = ("pendulum", "chain-3", "chain-30", "four-bar")
 # Size and target of read + count + compile, seconds.
 BUILDS = (("chain", 1000, 1.0), ("chain", 10000, 10.0), ("cloth", 30, None), ("cloth", 100, None))
 
@@ -33,27 +37,26 @@ def _arguments(given: Sequence[str]) -> argparse.Namespace:
     parser.add_argument(
         "--largest", type=int, default=10000, help="links of the longest chain; side of the cloth"
     )
-    parser.add_argument("--error", type=float, default=1e-9, help="the error all programs must reach")
-    parser.add_argument("--peers", default=",".join(p.key for p in environment.ALL), help="the others to ask")
-    parser.add_argument("--no-peers", action="store_true", help="lagcli and the yardstick alone")
+    parser.add_argument("--programs", default=",".join(programs.ALL), help="of " + ",".join(programs.ALL))
+    parser.add_argument("--python", default=sys.executable, help="a Python that has the extra `bench`")
     parser.add_argument(
-        "--limit", type=float, default=120.0, help="seconds for a case of a peer, and for a build"
+        "--limit", type=float, default=0.2, help="seconds of a solution, after which no finer is tried"
     )
-    cache = Path.home() / ".cache" / "lagcli-benchmarks"
-    parser.add_argument("--cache", type=Path, default=cache, help="folder of the environment of the peers")
-    parser.add_argument("--rounds", type=int, default=9, help="alternating rounds; the best counts")
-    parser.add_argument("--quick", action="store_true", help="3 links, one round, no peers, nothing written")
+    parser.add_argument("--rounds", type=int, default=5, help="alternating rounds; the best counts")
+    parser.add_argument(
+        "--quick", action="store_true", help="small parts, one round, lagcli alone, nothing written"
+    )
     parser.add_argument("--no-write", action="store_true", help="print only")
+    parser.add_argument("--draw", action="store_true", help="page and figure of results.json again")
     chosen = parser.parse_args(given)
-    chosen.only = frozenset(chosen.only.split(","))
+    chosen.only = frozenset() if chosen.draw else frozenset(chosen.only.split(","))
     if chosen.only - set(ONLY):
         parser.error(f"there is no part {', '.join(sorted(chosen.only - set(ONLY)))}")
-    chosen.peers = [peer for peer in environment.ALL if peer.key in chosen.peers.split(",")]
+    keys = chosen.programs.split(",")
     if chosen.quick:
-        chosen.largest, chosen.rounds, chosen.no_peers, chosen.no_write = 3, 1, True, True
-        chosen.only &= {"steps", "chain", "nonholonomic"}
-    if chosen.no_peers or not chosen.only & {*MOTIONS, "whole"}:
-        chosen.peers = []
+        chosen.largest, chosen.rounds, chosen.no_write, chosen.limit = 3, 1, True, 0.01
+        keys, chosen.only = ["plain", "native"], frozenset({"pendulum", "roofline", "steps"})
+    chosen.programs = {key: programs.ALL[key] for key in programs.ALL if key in keys}
     return chosen
 
 
@@ -63,10 +66,10 @@ def _say(text: str) -> None:
 
 def _steps(chosen: argparse.Namespace) -> list[dict[str, Any]]:
     found = []
-    for links in (size for size in steps.DURATIONS if size <= chosen.largest):
+    for links in (size for size in steps.LINKS if size <= chosen.largest):
         for rod in models.RODS:
             _say(f"steps: {links} links, {rod}")
-            found.append(steps.compare(links, rod, chosen.rounds).as_json())
+            found.append(steps.compare(links, rod, chosen.rounds))
     return found
 
 
@@ -77,66 +80,63 @@ def _build(chosen: argparse.Namespace) -> list[dict[str, Any]]:
             continue
         _say(f"build: {kind} {size}")
         command = [sys.executable, "-m", "tests.benchmarks.building", kind, str(size)]
-        began = time.perf_counter()
         line: dict[str, Any] = {"kind": kind, "size": size, "target": target}
-        try:
-            done = subprocess.run(
-                command, cwd=ROOT, capture_output=True, text=True, timeout=chosen.limit, check=True
-            )
-            line |= json.loads(done.stdout) | {"process_seconds": time.perf_counter() - began}
-        except subprocess.TimeoutExpired:
-            line["reason"] = f"not within {chosen.limit:.0f} s"
-        found.append(line)
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+        found.append(line | json.loads(done.stdout))
     return found
 
 
-def _contest(chosen: argparse.Namespace, place: environment.Environment | None) -> Iterator[dict[str, Any]]:
-    share = 0.05 if chosen.quick else 1.0
-    for case in cases.cases(chosen.only & frozenset(MOTIONS), chosen.largest, share):
-        _say(f"contest: {case.name}")
-        yield contest.measured(case, chosen.error, chosen.peers, place, chosen.limit)
-
-
-def _merged(old: list[dict[str, Any]], new: dict[str, Any]) -> list[dict[str, Any]]:
-    """The cases in their order, the new one in the place of an old one of the same name."""
-    kept = {case["case"]: case for case in old} | {new["case"]: new}
-    order = [case.name for case in cases.cases(frozenset(MOTIONS), 10**9)]
-    return [kept[name] for name in order if name in kept]
+def _roofline(chosen: argparse.Namespace, known: dict[str, Any]) -> dict[str, Any]:
+    """Steps alone, with the tolerance that reaches the error `page.STEPS_WANTED` in the measured motions."""
+    lines = []
+    for name in (name for name in ROOFLINE if name in known):
+        _say(f"roofline: {name}")
+        attempt = contest.reached(known[name]["answers"]["plain"]["attempts"], page.STEPS_WANTED)
+        if attempt is not None:
+            lines.append(roofline.measured(cases.CASES[name](), float(attempt["setting"]), chosen.rounds))
+    return {"scalar": roofline.scalar_peak(), "matrix": roofline.matrix_peak(), "cases": lines}
 
 
 def _measure(chosen: argparse.Namespace, results: dict[str, Any]) -> Iterator[None]:
     """Fill `results` with the chosen parts; yields where there is something new to keep."""
-    place = environment.make(chosen.cache) if chosen.peers else None
-    made = machine.description(place.versions() if place else {})
+    installed = programs.versions(chosen.python)
+    asked = {
+        key: each
+        for key, each in chosen.programs.items()
+        if each.package in programs.HERE or each.package in installed
+    }
+    missing = sorted({each.package for key, each in chosen.programs.items() if key not in asked})
+    if missing:
+        _say(f"left out, since not installed: {', '.join(missing)}")
+    made = machine.description(installed) | {"missing": missing}
     made["command"] = " ".join(["python -m tests.benchmarks", *_shown(sys.argv[1:])])
     machines = results.setdefault("machines", {})
+    for name in (name for name in cases.CASES if name in chosen.only):
+        _say(f"contest: {name}")
+        known = results.setdefault("contest", {})
+        known[name] = contest.measured(cases.CASES[name](), asked, chosen.python, chosen.limit, chosen.rounds)
+        results["contest"] = {key: known[key] for key in cases.CASES if key in known}
+        machines["contest"] = made
+        yield
+    if "whole" in chosen.only:
+        _say("whole processes")
+        results["whole"] = contest.whole(asked, chosen.python, results.get("contest", {}))
+        machines["whole"] = made
+        yield
+    if "roofline" in chosen.only:
+        results["roofline"] = _roofline(chosen, results.get("contest", {}))
+        machines["roofline"] = made
+        yield
     for part, measure in (("steps", _steps), ("build", _build)):
         if part in chosen.only:
             results[part], machines[part] = measure(chosen), made
             yield
-    for case in _contest(chosen, place):
-        results["contest"], machines["contest"] = _merged(results.get("contest", []), case), made
-        yield
-    if "whole" in chosen.only and chosen.largest >= contest.WHOLE_LINKS:
-        _say("whole processes")
-        results["whole"], machines["whole"] = _whole(chosen, place, results.get("contest", [])), made
-        yield
-
-
-def _whole(
-    chosen: argparse.Namespace, place: environment.Environment | None, known: list[dict[str, Any]]
-) -> dict[str, Any]:
-    """Whole processes, with the settings of the measured chain of so many links."""
-    case = cases.chain(contest.WHOLE_LINKS)
-    found = [motion for motion in known if motion["case"] == case.name]
-    settings = found[0] if found else contest.measured(case, chosen.error, (), None, chosen.limit)
-    return contest.whole(settings, chosen.peers, place, chosen.limit, min(chosen.rounds, 5))
 
 
 def _shown(given: Sequence[str]) -> list[str]:
-    """The command line without the folder of the cache, which is no one else's business."""
+    """The command line without the path of a Python, which is no one else's business."""
     return [
-        word for word, before in zip(given, ["", *given], strict=False) if "--cache" not in (word, before)
+        word for word, before in zip(given, ["", *given], strict=False) if "--python" not in (word, before)
     ]
 
 

@@ -1,184 +1,130 @@
-"""The motions that every program computes: model, numbers for the peers, and a reference that is not lagcli's."""
+"""The motions that every program computes: model, numbers for the others, and a reference that is not lagcli's."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from lagcli.running.trajectory import Trajectory
-
-from . import models, networks
+from . import collisions, impacts, models, networks
 
 Floats = npt.NDArray[np.float64]
 
-# Seconds of motion: long enough for some dozens of steps, short enough for a reference to rounding.
-DURATIONS = {3: 5.0, 10: 2.0, 30: 1.0, 100: 1.0, 1000: 0.1, 10000: 0.02}
-GALLERY, GALLERY_DURATION = Path(__file__).parents[2] / "models", 6.0
-CLOTH_SIDE, CLOTH_DURATION = 30, 0.2
+# Spheres that bounce, and seconds of motion with impacts.
+SPHERES, SPHERES_DURATION, LANDING_DURATION = 20, 0.4, 0.28
+LANDING = """\
+lagcli: 1
+parameters: {{N: {count}, D: 0.1, g: {gravity}}}
+particles:
+  p[i]: {{for: "i = 1..N", mass: 1, position: "[i, 0, 0.1 + 0.02*i]"}}
+forces:
+  weight: {{to: p, force: "[0, 0, -m*g]"}}
+inequality:
+  floor[i]: {{for: "i = 1..N", condition: "p[i].z >= D/2"}}
+"""
 
-# F. Mazzia, C. Magherini, Test Set for Initial Value Problem Solvers, release 2.4, University of Bari 2008:
-# problem Car Axis, reference solution at t = 3, coordinates xl, yl, xr, yr.
-AXIS_DURATION = 3.0
-AXIS_END = (0.4934557842755629e-1, 0.4969894602303324, 0.1041742524885400e1, 0.3739110272652214)
 
+class Case(NamedTuple):
+    """A motion: its name, what the programs are told (the model and the columns of q for lagcli, numbers for others),
+    and q at the end. patience: times the limit that a solution may take."""
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class Case:
-    """A motion: its model file, the numbers the peers take, and q at the end by `reference`.
-
-    `end` takes q from the last row of lagcli's table; `source` says what the reference is.
-    """
-
-    part: str
     name: str
-    links: int
-    model: str
     problem: dict[str, Any]
-    end: Callable[[Trajectory], Floats]
     reference: Callable[[], Floats]
-    source: str
-
-    @property
-    def duration(self) -> float:
-        return float(self.problem["duration"])
+    patience: float = 1.0
 
 
-def _positions(run: Trajectory, network: networks.Network) -> Floats:
-    """Positions of the points that move; a held point that is no particle of the model is the origin."""
-    count = sum(name.endswith(".vx") for name in run.columns)
-    positions = run.rows[-1, 1 : 1 + 6 * count].reshape(count, 6)[:, :3]
-    skipped = len(network.points) - count
-    return positions[network.free - skipped].ravel()
+def _network(name: str, network: networks.Network, duration: float, model: str, columns: list[str]) -> Case:
+    problem = {"kind": "network", "duration": duration, **network.as_json(), "model": model}
+    return Case(name, problem | {"columns": columns}, lambda: networks.reference(network, duration))
 
 
-def _columns(run: Trajectory, names: tuple[str, ...]) -> Floats:
-    return np.array([run[name][-1] for name in names])
+def _plane(name: str, network: networks.Network, duration: float) -> Case:
+    columns = [f"{letter}{k}" for k in network.free for letter in "xz"]
+    return _network(name, network, duration, models.plane(network), columns)
 
 
-def chain(links: int, share: float = 1.0) -> Case:
-    """A chain of rods written as `distance`; `share` of the usual duration."""
-    network, duration = networks.chain(links), share * DURATIONS[links]
-    return Case(
-        part="chain",
-        name=f"chain, {links} links",
-        links=links,
-        model=models.chain(links, "distance"),
-        problem={"kind": "network", "duration": duration, **network.as_json()},
-        end=lambda run: _positions(run, network),
-        reference=lambda: networks.reference(network, duration),
-        source="extrapolation",
-    )
+def chain(links: int, duration: float) -> Case:
+    """A chain of rods written as `distance`."""
+    columns = [f"p[{k}].{letter}" for k in range(1, links + 1) for letter in "xyz"]
+    name = f"chain, {links} links"
+    return _network(name, networks.chain(links), duration, models.chain(links, "distance"), columns)
 
 
-def cloth(side: int = CLOTH_SIDE) -> Case:
-    """A net of rods, held at two corners."""
-    network = networks.cloth(side)
-    return Case(
-        part="cloth",
-        name=f"cloth, {side} x {side}",
-        links=len(network.rods),
-        model=models.cloth(side),
-        problem={"kind": "network", "duration": CLOTH_DURATION, **network.as_json()},
-        end=lambda run: _positions(run, network),
-        reference=lambda: networks.reference(network, CLOTH_DURATION),
-        source="extrapolation",
-    )
-
-
-def disk() -> Case:
-    """The rolling disk: circles."""
-    duration = 10.0
+def _disk(duration: float) -> Case:
+    """The rolling disk: circles, in closed form."""
     a, spin, turn = models.DISK["a"], models.DISK["spin"], models.DISK["turn"]
     radius, angle = a * spin / turn, turn * duration
     end = [radius * (1 - math.cos(angle)), -radius * math.sin(angle), angle, spin * duration]
+    problem = {"kind": "disk", "duration": duration, **models.DISK, "model": models.disk()}
+    return Case("rolling disk", problem | {"columns": ["x", "y", "theta", "phi"]}, lambda: np.array(end))
+
+
+def _spheres() -> Case:
+    """Elastic spheres in a cube, in no order, without gravity; from event to event."""
+    i = np.arange(SPHERES)
+    places = np.stack(
+        [0.1 + 0.2 * (i % 5), 0.1 + 0.04 * (i % 25 - i % 5), 0.1 + 0.008 * (i - i % 25)], axis=1
+    )
+    velocities = np.stack([np.sin(129 * (i + 1)), np.sin(782 * (i + 1)), np.sin(251 * (i + 1) + 2)], axis=1)
+    problem = {
+        "kind": "spheres",
+        "duration": SPHERES_DURATION,
+        "model": impacts.spheres().replace("N: 100", f"N: {SPHERES}"),
+        "columns": [f"p[{k + 1}].{letter}" for k in i for letter in "xyz"],
+        "places": places.tolist(),
+        "velocities": velocities.tolist(),
+        "diameter": 0.1,
+        "restitution": 1.0,
+        "gravity": 0.0,
+        "meet": True,
+        "walls": [
+            ([side if axis == k else 0.0 for k in range(3)], [way if axis == k else 0.0 for k in range(3)])
+            for axis in range(3)
+            for side, way in ((0.0, 1.0), (1.0, -1.0))
+        ],
+        "steps": [50 * 2**k for k in range(9)],
+    }
     return Case(
-        part="disk",
-        name="rolling disk",
-        links=2,
-        model=models.disk(),
-        problem={"kind": "disk", "duration": duration, **models.DISK},
-        end=lambda run: _columns(run, ("x", "y", "theta", "phi")),
-        reference=lambda: np.array(end),
-        source="closed form",
+        f"{SPHERES} spheres that bounce",
+        problem,
+        lambda: collisions.spheres(places, velocities, (0.1, 1.0), SPHERES_DURATION)[0],
+        patience=5.0,
     )
 
 
-def _ramp() -> Floats:
-    """The knife edge after 6 s: x, y, phi."""
-    alpha, w, t = math.pi / 4, math.pi / 3, GALLERY_DURATION
-    way = 9.81 * math.sin(alpha) / (2 * w**2)
-    return np.array([way * math.sin(w * t) ** 2, way * (w * t - math.sin(2 * w * t) / 2), w * t])
+def _landing(count: int = 20) -> Case:
+    """Spheres that fall and stay where they land, a few still falling at the end; closed form."""
+    places = np.array([[float(k), 0.0, 0.1 + 0.02 * k] for k in range(1, count + 1)])
+    model = LANDING.format(count=count, gravity=networks.GRAVITY)
+    problem = {
+        "kind": "spheres",
+        "duration": LANDING_DURATION,
+        "model": model,
+        "columns": [f"p[{k}].{letter}" for k in range(1, count + 1) for letter in "xyz"],
+        "places": places.tolist(),
+        "velocities": np.zeros_like(places).tolist(),
+        "diameter": 0.1,
+        "restitution": 0.0,
+        "gravity": networks.GRAVITY,
+        "meet": False,
+        "walls": [([0.0, 0.0, 0.0], [0.0, 0.0, 1.0])],
+        "steps": [50 * 2**k for k in range(9)],
+    }
+    end = places.copy()
+    end[:, 2] = np.maximum(places[:, 2] - networks.GRAVITY * LANDING_DURATION**2 / 2, 0.05)
+    return Case(f"{count} spheres that land", problem, end.ravel, patience=5.0)
 
 
-def _axle() -> Floats:
-    """The two wheels after 6 s: x, y, theta, phi1, phi2."""
-    M, J, a, b, w, t = 3.0, 0.01, 0.2, 0.8, math.pi / 2, GALLERY_DURATION
-    pull = M * 9.81 * math.sin(math.pi / 12) / (M + 2 * J / a**2)
-    way, angle = pull / (2 * w**2), w * t
-    gone = pull * (1 - math.cos(angle)) / w**2
-    turned = [(gone + side * b * angle / 2) / a for side in (-1, 1)]
-    return np.array([way * math.sin(angle) ** 2, way * (angle - math.sin(2 * angle) / 2), angle, *turned])
-
-
-def _integrators() -> Floats:
-    """The crossed integrators after 6 s: phi, y, z."""
-    angle = 0.08 * GALLERY_DURATION**2 / (2 * (0.02 + 0.5 * 0.2**2))
-    return np.array([angle, 0.2 * math.cos(angle), 0.2 * math.sin(angle)])
-
-
-# Nonholonomic models of the gallery beside the rolling disk: their coordinates, and where they end, in closed form.
-NONHOLONOMIC: dict[str, tuple[tuple[str, ...], Callable[[], Floats]]] = {
-    "knife-edge": (("x", "y", "phi"), _ramp),
-    "two-wheel-axle": (("x", "y", "theta", "phi1", "phi2"), _axle),
-    "crossed-integrators": (("phi", "y", "z"), _integrators),
+CASES: dict[str, Callable[[], Case]] = {
+    "pendulum": lambda: _plane("pendulum", networks.pendulum(), 10.0),
+    "chain-3": lambda: chain(3, 5.0),
+    "chain-30": lambda: chain(30, 1.0),
+    "four-bar": lambda: _plane("four-bar linkage", networks.four_bar(), 5.0),
+    "disk": lambda: _disk(10.0),
+    "spheres": _spheres,
+    "landing": _landing,
 }
-
-
-def nonholonomic(name: str) -> Case:
-    """A nonholonomic model of the gallery, which the peers have no equations of."""
-    columns, end = NONHOLONOMIC[name]
-    text = (GALLERY / f"{name}.yaml").read_text(encoding="utf-8")
-    return Case(
-        part="nonholonomic",
-        name=name.replace("-", " "),
-        links=text.split("differential:")[1].split("outputs:")[0].count(" = 0\n"),
-        model=text,
-        problem={"kind": "nonholonomic", "duration": GALLERY_DURATION},
-        end=lambda run: _columns(run, columns),
-        reference=end,
-        source="closed form",
-    )
-
-
-def axis() -> Case:
-    """The car axis."""
-    return Case(
-        part="axis",
-        name="car axis",
-        links=2,
-        model=models.axis(),
-        problem={"kind": "axis", "duration": AXIS_DURATION, **models.AXIS},
-        end=lambda run: _columns(run, ("xl", "yl", "xr", "yr")),
-        reference=lambda: np.array(AXIS_END),
-        source="Test Set for IVP Solvers",
-    )
-
-
-def cases(parts: frozenset[str], largest: int, share: float = 1.0) -> Iterator[Case]:
-    """The cases of these parts, chains up to `largest` links and of a `share` of their duration."""
-    if "chain" in parts:
-        yield from (chain(links, share) for links in DURATIONS if links <= largest)
-    if "cloth" in parts and largest >= CLOTH_SIDE:
-        yield cloth()
-    if "disk" in parts:
-        yield disk()
-    if "nonholonomic" in parts:
-        yield from map(nonholonomic, NONHOLONOMIC)
-    if "axis" in parts:
-        yield axis()

@@ -15,8 +15,8 @@ Floats = npt.NDArray[np.float64]
 Rate = Callable[[Floats], Floats]
 
 COLUMNS = 12
-TOLERANCE = 1e-13  # of the change by the last column; what stays is less
-ROUNDING = 1e-11  # the most that rounding may leave, in the longest chains
+# Of the change by the last column; what stays is less. The most that rounding may leave.
+TOLERANCE, ROUNDING = 1e-16, 1e-15
 
 
 def solve(rate: Rate, start: Floats, duration: float) -> Floats:

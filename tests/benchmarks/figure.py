@@ -1,4 +1,4 @@
-"""The figure of the page: cost of a step by links, and time of the solution by program."""
+"""The figure of the page: for each motion the time of a solution by its error."""
 
 from __future__ import annotations
 
@@ -9,70 +9,51 @@ from matplotlib import figure as mpl
 
 from . import page
 
-COLORS = {
-    "lagcli": "#1b6ca8",
-    "exudyn": "#c05746",
-    "cvodes": "#5a8f4e",
-    "sympy": "#8a6bb0",
-    "lagranges-method": "#b08d57",
+# Color, mark and line of each program.
+STYLES = {
+    "plain": ("#1b6ca8", "o", "--"),
+    "native": ("#1b6ca8", "o", "-"),
+    "heyoka": ("#c05746", "s", "-"),
+    "heyoka-compact": ("#c05746", "s", "--"),
+    "cvodes": ("#5a8f4e", "^", "-"),
+    "tsit5": ("#8a6bb0", "D", "--"),
+    "dopri8": ("#8a6bb0", "D", "-"),
+    "mujoco": ("#b08d57", "v", "-"),
+    "scipy": ("0.5", "x", "-"),
 }
-MARKS = {"lagcli": "o", "exudyn": "s", "cvodes": "^", "sympy": "D", "lagranges-method": "v"}
+COLUMNS = 3
+FINEST = 1e-14  # smaller errors are drawn there
 
 
 def write(path: Path, results: dict[str, Any]) -> None:
     """Draw what has been measured."""
-    drawn = [name for name in ("steps", "contest") if results.get(name)]
-    if not drawn:
+    motions = [*results.get("contest", {}).values()]
+    if not motions:
         return
-    paper = mpl.Figure(figsize=(5.2 * len(drawn), 4.6), layout="constrained", dpi=120)
-    panels = paper.subplots(1, len(drawn), squeeze=False)[0]
-    for panel, name in zip(panels, drawn, strict=True):
-        (_steps if name == "steps" else _contest)(panel, results)
+    rows = -(-len(motions) // COLUMNS)
+    paper = mpl.Figure(figsize=(4.2 * COLUMNS, 3.4 * rows + 0.6), layout="constrained", dpi=110)
+    panels = paper.subplots(rows, COLUMNS, squeeze=False).ravel()
+    seen: dict[str, Any] = {}
+    for panel, case in zip(panels, motions, strict=False):
+        for key, answer in case["answers"].items():
+            color, mark, line = STYLES[key]
+            # Settings that come no nearer than a looser one are left out.
+            points, least = [], float("inf")
+            for each in answer["attempts"]:
+                if each["error"] is not None and each["error"] < least:
+                    least = each["error"]
+                    points.append((max(least, FINEST), each["seconds"]))
+            style = {"color": color, "marker": mark, "linestyle": line, "markersize": 3.5, "linewidth": 1.1}
+            (seen[key],) = panel.loglog(*zip(*points, strict=True), **style)
+        panel.set(
+            title=f"{case['case']}, {case['duration']:g} s", xlabel="error at the end", ylabel="time, s"
+        )
+        panel.set_xlim(1, FINEST / 2)
         panel.spines[["top", "right"]].set_visible(False)
         panel.grid(True, which="major", linewidth=0.4, alpha=0.5)
+    for panel in panels[len(motions) :]:
+        panel.set_axis_off()
+    keys = [key for key in STYLES if key in seen]
+    names = [page.NAMES[key] for key in keys]
+    paper.legend([seen[key] for key in keys], names, frameon=False, loc="outside lower center", ncols=5)
     paper.savefig(path)
-
-
-def _steps(panel: Any, results: dict[str, Any]) -> None:
-    lines = [line for line in results["steps"] if line["rod"] == "distance"]
-    others = [line for line in results["steps"] if line["rod"] == "square"]
-    for chosen, key, label, style in (
-        (others, "yardstick_step", "yardstick", {"color": "0.4", "marker": "x", "linestyle": "--"}),
-        (others, "step", "lagcli, rods as dot", {"color": COLORS["lagcli"], "marker": "o"}),
-        (lines, "step", "lagcli, rods as distance", {"color": "#63a6d8", "marker": "o"}),
-    ):
-        links = [line["links"] for line in chosen]
-        panel.semilogx(links, [line[key] / line["links"] * 1e6 for line in chosen], label=label, **style)
-    panel.set(xlabel="links", ylabel="a step, µs a link", title="One step of order 8", ylim=(0, None))
-    panel.legend(frameon=False, fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.17), ncols=3)
-
-
-def _contest(panel: Any, results: dict[str, Any]) -> None:
-    """Each motion has a line of its own; hollow marks did not reach the wanted error."""
-    motions = results["contest"]
-    seen = set()
-    for place, case in enumerate(motions):
-        for key, answer in case["answers"].items():
-            if "solve_seconds" not in answer:
-                continue
-            fill = COLORS[key] if answer["reached"] else "none"
-            label = page.NAMES[key] if key not in seen else None
-            panel.scatter(
-                answer["solve_seconds"],
-                place,
-                marker=MARKS[key],
-                color=COLORS[key],
-                facecolor=fill,
-                label=label,
-                zorder=3,
-            )
-            seen.add(key)
-    panel.set_xscale("log")
-    panel.set_yticks(range(len(motions)), [case["case"] for case in motions])
-    panel.set_ylim(len(motions) - 0.4, -0.6)
-    wanted = f"{motions[0]['wanted']:.0e}".replace("e-0", "e-")
-    panel.set(
-        xlabel="time of the solution, s; hollow: error not reached",
-        title=f"Solution to an error of {wanted}",
-    )
-    panel.legend(frameon=False, fontsize=8, loc="upper center", bbox_to_anchor=(0.4, -0.17), ncols=3)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from . import networks
 
 RODS = {
@@ -26,6 +28,30 @@ holonomic:
   hook: "{first}"
   rod[i]: {{for: "i = 2..N", equation: "{other}"}}
 """
+
+
+def plane(network: networks.Network) -> str:
+    """Points and rods in the plane of x and z, in coordinates x1, z1, ... of those that move."""
+    points = [[f"{float(x)!r}", f"{float(z)!r}"] for x, z in network.points]
+    coordinates, particles = "", ""
+    for k in network.free:
+        x, z = points[k]
+        coordinates += f"  x{k}: {{value: {x}}}\n  z{k}: {{value: {z}}}\n"
+        particles += f'  p{k}: {{mass: 1, position: "[x{k}, 0, z{k}]"}}\n'
+        points[k] = [f"x{k}", f"z{k}"]
+    rods = ""
+    for i, j in network.rods:
+        length = float(np.linalg.norm(network.points[i] - network.points[j]))
+        ends = ", ".join(f"[{x}, 0, {z}]" for x, z in (points[i], points[j]))
+        rods += f'  rod{j}: "distance({ends}) = {length!r}"\n'
+    return f"""\
+lagcli: 1
+coordinates:
+{coordinates}particles:
+{particles}forces:
+  weight: {{to: all, force: "[0, 0, -{networks.GRAVITY}*m]"}}
+holonomic:
+{rods}"""
 
 
 def cloth(side: int) -> str:
@@ -70,35 +96,4 @@ lagrangian: M*(rate(x)**2 + rate(y)**2)/2 + I_roll*rate(phi)**2/2 + I_turn*rate(
 differential:
   roll_x: d(x) - a*sin(theta)*d(phi) = 0
   roll_y: d(y) + a*cos(theta)*d(phi) = 0
-"""
-
-
-# The car axis of the Test Set for IVP Solvers; m = M eps^2/2 with its M = 10, eps = 1e-2.
-AXIS = {"L": 1.0, "L0": 0.5, "r": 0.1, "w": 10.0, "m": 5e-4, "g": 1.0}
-
-
-def axis() -> str:
-    """Two wheels on springs, one of them on a road that moves; their distance is fixed."""
-    values = ", ".join(f"{name}: {value}" for name, value in AXIS.items())
-    return f"""\
-lagcli: 1
-parameters: {{{values}}}
-coordinates:
-  xl: {{value: 0, rate: -L0/L}}
-  yl: {{value: L0, rate: 0}}
-  xr: {{value: L, rate: -L0/L}}
-  yr: {{value: L0, rate: 0}}
-definitions:
-  yb: r*sin(w*t)
-  xb: sqrt(L**2 - yb**2)
-particles:
-  left: {{mass: m, position: "[xl, yl, 0]"}}
-  right: {{mass: m, position: "[xr, yr, 0]"}}
-forces:
-  weight: {{to: all, force: "[0, -m*g, 0]"}}
-  spring_l: {{potential: "(sqrt(xl**2 + yl**2) - L0)**2/2"}}
-  spring_r: {{potential: "(sqrt((xr - xb)**2 + (yr - yb)**2) - L0)**2/2"}}
-holonomic:
-  road: xl*xb + yl*yb = 0
-  axle: ((xl - xr)**2 + (yl - yr)**2 - L**2)/2 = 0
 """

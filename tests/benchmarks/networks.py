@@ -1,4 +1,4 @@
-"""Point masses and rods, released at rest: the chain and the cloth, as numbers.
+"""Point masses and rods, released at rest, as numbers.
 
 Masses are 1, gravity is 9.81 down z. The rods are as long as they are at the start.
 """
@@ -11,8 +11,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy import sparse
-from scipy.sparse import linalg
 
 from . import extrapolation
 
@@ -20,13 +18,14 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.intp]
 
 GRAVITY = 9.81
+LONG = np.longdouble
 DIRECTION = np.array([math.sin(0.5), 0.1, -math.cos(0.5)])
 DIRECTION = DIRECTION / np.linalg.norm(DIRECTION)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Network:
-    """points (N, 3), the indices of those that are held fast, rods (C, 2) as pairs of indices."""
+    """points (N, d) with d = 3, or 2 in a plane; the indices of those that are held fast; rods (C, 2) as pairs."""
 
     points: Floats
     held: tuple[int, ...]
@@ -38,7 +37,13 @@ class Network:
         return np.setdiff1d(np.arange(len(self.points)), self.held)
 
     def as_json(self) -> dict[str, Any]:
-        return {"points": self.points.tolist(), "held": list(self.held), "rods": self.rods.tolist()}
+        numbers = {"points": self.points.tolist(), "held": list(self.held), "rods": self.rods.tolist()}
+        return numbers | {"is_plane": self.points.shape[1] == 2}
+
+
+def pendulum() -> Network:
+    """One rod in a plane."""
+    return Network(np.array([[0.0, 0.0], [math.sin(0.5), -math.cos(0.5)]]), (0,), np.array([[0, 1]]))
 
 
 def chain(links: int) -> Network:
@@ -48,19 +53,15 @@ def chain(links: int) -> Network:
     return Network(points, (0,), rods)
 
 
-def cloth(side: int) -> Network:
-    """side x side points in a half cylinder of rods of length 1, held at the two corners with j = 1.
-
-    Point (i, j) has the index (i - 1) side + j - 1; i runs along the arc, j along the axis.
-    """
-    i, j = np.divmod(np.arange(side * side), side)
-    radius, turn = cylinder(side)
-    angle = (i - (side - 1) / 2) * turn
-    points = np.stack([radius * np.sin(angle), j.astype(float), -radius * np.cos(angle)], axis=1)
-    index = np.arange(side * side).reshape(side, side)
-    along = np.stack([index[:-1].ravel(), index[1:].ravel()], axis=1)
-    across = np.stack([index[:, :-1].ravel(), index[:, 1:].ravel()], axis=1)
-    return Network(points, (0, side * (side - 1)), np.concatenate([along, across]))
+def four_bar() -> Network:
+    """A crank of 1 m, a coupler of 2 m and a rocker of 1.5 m in a plane, let go with the crank level."""
+    joint = np.array([1.0, 0.0])
+    far = 2.25
+    # The joint of coupler and rocker, below: 2 m from the one, 1.5 m from the other end.
+    base = far - joint[0]
+    along = (base**2 + 2.0**2 - 1.5**2) / (2 * base)
+    points = np.array([[0.0, 0.0], joint, [joint[0] + along, -math.sqrt(2.0**2 - along**2)], [far, 0.0]])
+    return Network(points, (0, 3), np.array([[0, 1], [1, 2], [2, 3]]))
 
 
 def cylinder(side: int) -> tuple[float, float]:
@@ -70,40 +71,48 @@ def cylinder(side: int) -> tuple[float, float]:
 
 
 class _Rods:
-    """Accelerations of the free points by (D.24) with M = 1, f = (|u|^2 - L^2)/2."""
+    """Accelerations of the free points by (D.24) with M = 1, f = (|u|^2 - L^2)/2, in numbers of 18 digits or more where
+    the machine has them."""
 
     def __init__(self, network: Network) -> None:
-        free = network.free
-        place = np.full(len(network.points), -1)
-        place[free] = np.arange(len(free))
-        self._points = network.points.copy()
-        self._free, self._rods = free, network.rods
+        self._points = network.points.astype(LONG)
+        self._free, self._rods = network.free, network.rods
         self._velocities = np.zeros_like(self._points)
-        self._weight = np.tile([0.0, 0.0, -GRAVITY], len(free))
-        entries = [(place[network.rods[:, end]], sign) for end, sign in ((0, -1.0), (1, 1.0))]
-        self._moving = [(at >= 0, sign) for at, sign in entries]
-        rows = [np.repeat(np.flatnonzero(at >= 0), 3) for at, _ in entries]
-        columns = [(3 * at[at >= 0][:, None] + np.arange(3)).ravel() for at, _ in entries]
-        self._places = (np.concatenate(rows), np.concatenate(columns))
-        self._shape = (len(network.rods), 3 * len(free))
+        size = self._points.shape[1]
+        self._weight = np.zeros((len(self._free), size), LONG)
+        self._weight[:, -1] = LONG(str(-GRAVITY))
 
-    def rate(self, y: Floats) -> Floats:
+    def rate(self, y: Any) -> Any:
         """y' of y = (x, v) of the free points."""
         half = len(y) // 2
-        self._points[self._free] = y[:half].reshape(-1, 3)
-        self._velocities[self._free] = y[half:].reshape(-1, 3)
+        self._points[self._free] = y[:half].reshape(self._weight.shape)
+        self._velocities[self._free] = y[half:].reshape(self._weight.shape)
         first, second = self._rods.T
         u = self._points[second] - self._points[first]
         du = self._velocities[second] - self._velocities[first]
-        data = np.concatenate([sign * u[moving].ravel() for moving, sign in self._moving])
-        B = sparse.csr_matrix((data, self._places), shape=self._shape)
-        right = -np.einsum("ij,ij->i", du, du) - B @ self._weight
-        lam = linalg.splu((B @ B.T).tocsc(), permc_spec="MMD_AT_PLUS_A").solve(right)
-        return np.concatenate([y[half:], self._weight + B.T @ lam])
+        B = np.zeros((len(self._rods), *self._points.shape), LONG)
+        rows = np.arange(len(self._rods))
+        B[rows, second] += u
+        B[rows, first] -= u
+        B = B[:, self._free].reshape(len(rows), -1)
+        right = -(du * du).sum(axis=1) - B @ self._weight.ravel()
+        return np.concatenate([y[half:], self._weight.ravel() + B.T @ _solved(B @ B.T, right)])
+
+
+def _solved(S: Any, right: Any) -> Any:
+    """x of S x = right for a positive definite S, by the factors L D L', which LAPACK has for doubles alone."""
+    S, x = S.copy(), right.copy()
+    for k in range(len(x)):
+        below = slice(k + 1, k + 1 + np.flatnonzero(S[k, k:])[-1])
+        S[below, below] -= np.outer(S[below, k], S[below, k] / S[k, k])
+        x[below] -= S[below, k] * (x[k] / S[k, k])
+    for k in reversed(range(len(x))):
+        x[k] = (x[k] - S[k + 1 :, k] @ x[k + 1 :]) / S[k, k]
+    return x
 
 
 def reference(network: Network, duration: float) -> Floats:
-    """Positions of the free points at the end, (3 n,), by extrapolation to rounding: neither CasADi nor Runge-Kutta."""
-    start = network.points[network.free].ravel()
+    """Positions of the free points at the end, by extrapolation to rounding: neither CasADi nor Runge-Kutta."""
+    start = network.points[network.free].ravel().astype(LONG)
     y = extrapolation.solve(_Rods(network).rate, np.concatenate([start, np.zeros_like(start)]), duration)
-    return y[: start.size]
+    return y[: start.size].astype(float)

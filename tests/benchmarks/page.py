@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from . import environment
+from . import programs
+from .contest import WANTED, reached
 
 BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
-NAMES = {"lagcli": "lagcli", **{peer.key: peer.name for peer in environment.ALL}}
-PARTS = ("steps", "build", "contest", "whole")
+NAMES = {key: program.name for key, program in programs.ALL.items()}
+STEPS_WANTED = 1e-9
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -38,8 +40,7 @@ def _links(count: int) -> str:
 
 def steps(results: dict[str, Any]) -> str:
     """lagcli beside the yardstick."""
-    head = ["links", "rod as", "yardstick, a step", "lagcli, a step", "ratio", "rows", "run, a step"]
-    head += ["ratio", "ratio, ends only", "step, a link"]
+    head = ["links", "rod as", "yardstick, a step", "lagcli, a step", "ratio", "step, a link"]
     rows = [
         [
             _links(line["links"]),
@@ -47,10 +48,6 @@ def steps(results: dict[str, Any]) -> str:
             seconds(line["yardstick_step"]),
             seconds(line["step"]),
             _ratio(line["step_ratio"], line["step_target"]),
-            str(line["rows"]),
-            seconds(line["run"]),
-            _ratio(line["run_ratio"], line["run_target"]),
-            f"{line['bare_ratio']:.2f}",
             seconds(line["step"] / line["links"]),
         ]
         for line in results["steps"]
@@ -85,54 +82,92 @@ def _build_row(line: dict[str, Any]) -> list[str]:
     ]
 
 
-def _answered(results: dict[str, Any]) -> list[str]:
-    return [key for key in NAMES if any(key in case["answers"] for case in results["contest"])]
-
-
 def contest(results: dict[str, Any]) -> str:
-    """lagcli beside other programs: the time of the solution, the error, the setting."""
-    head = ["motion", "program", "solution", "times lagcli", "error", "build", "setting"]
+    """lagcli beside other programs: the time that an error takes, and the least error with its time."""
+    wanted = [f"{each:.0e}".replace("e-0", "e-") for each in WANTED]
+    head = ["motion", "program", "equations, compiling", *wanted, "most accurate", "spread"]
     rows = []
-    for case in results["contest"]:
-        own = case["answers"]["lagcli"].get("solve_seconds")
-        for key in _answered(results):
-            if key in case["answers"]:
-                name = f"{case['case']}, {case['duration']:g} s" if key == "lagcli" else ""
-                rows.append([name, NAMES[key], *_answer(case["answers"][key], own)])
+    for case in results["contest"].values():
+        name = f"{case['case']}, {case['duration']:g} s"
+        for key, answer in case["answers"].items():
+            rows.append([name, NAMES[key], *_answer(answer)])
+            name = ""
     return _table(head, rows)
 
 
-def _answer(answer: dict[str, Any], own: float) -> list[str]:
-    if "solve_seconds" not in answer:
-        return [answer["reason"], *["-"] * 4]
-    error = "-" if answer["error"] is None else f"{answer['error']:.0e}"
-    time = answer["solve_seconds"]
-    said = f"{answer['setting']}" + ("" if answer["reached"] else f"; wanted error {answer['reason']}")
-    sign = "" if answer["reached"] else "> "
-    times = f"{sign}{time / own:.3g}"
-    return [sign + seconds(time), times, error, seconds(answer["build_seconds"]), said]
+def _answer(answer: dict[str, Any]) -> list[str]:
+    attempts = answer["attempts"]
+    shown = [reached(attempts, each) for each in WANTED]
+    best = min(attempts, key=lambda each: math.inf if each["error"] is None else each["error"])
+    asked = [each for each in [*shown, best] if each is not None]
+    compiled = max(each["compile"] for each in [attempts[0], *asked])
+    return [
+        seconds(answer["equations"] + compiled),
+        *(seconds(each and each["seconds"]) for each in shown),
+        f"{best['error']:.0e} in {seconds(best['seconds'])}",
+        f"{max(each['spread'] for each in asked):.0%}",
+    ]
 
 
 def whole(results: dict[str, Any]) -> str:
     """Whole processes."""
-    found = results["whole"]
-    own, limit = found["seconds"]["lagcli"], found["limit"]
-    rows = [
-        [NAMES[key], f"> {seconds(limit)}", f"> {limit / own:.3g}"]
-        if time is None
-        else [NAMES[key], seconds(time), f"{time / own:.3g}"]
-        for key, time in found["seconds"].items()
+    head, rows = ["motion", "program", "nothing kept", "with what was kept"], []
+    for case in results["whole"]:
+        name = case["case"]
+        for key, times in case["programs"].items():
+            rows.append([name, NAMES.get(key, key), seconds(times["cold"]), seconds(times["warm"])])
+            name = ""
+    return _table(head, rows)
+
+
+def roofline(results: dict[str, Any]) -> str:
+    """Steps alone beside heyoka, and operations of a step over its time in parts of the peaks."""
+    found = results["roofline"]
+    head = [
+        "motion",
+        "tier",
+        "a step",
+        "steps to 1e-9",
+        "steps alone",
+        "heyoka",
+        "operations a step",
+        "GFlop/s",
     ]
-    return _table(["program", "process", "times lagcli"], rows)
+    head += ["of one by one", "of all units"]
+    heyoka = {
+        case["case"]: reached(case["answers"].get("heyoka", {}).get("attempts", ()), STEPS_WANTED)
+        for case in results["contest"].values()
+    }
+    rows = []
+    for case in found["cases"]:
+        for tier in (tier for tier in ("plain", "native") if tier in case):
+            rate, other = case["operations"] / case[tier], heyoka[case["case"]]
+            rows.append(
+                [
+                    case["case"] if tier == "plain" else "",
+                    tier,
+                    seconds(case[tier]),
+                    str(case["tries"]),
+                    seconds(case["tries"] * case[tier]),
+                    seconds(other and other["seconds"]),
+                    _links(case["operations"]),
+                    f"{rate / 1e9:.2f}",
+                    *(f"{rate / peak:.1%}" if peak else "-" for peak in (found["scalar"], found["matrix"])),
+                ]
+            )
+    peaks = [f"{found[key] / 1e9:.1f} GFlop/s" if found[key] else "-" for key in ("scalar", "matrix")]
+    rows.append(["peaks of one core", *[""] * 7, *peaks])
+    return _table(head, rows)
 
 
-MAKERS = {"steps": steps, "build": build, "contest": contest, "whole": whole}
-TITLES = {
-    "steps": "Beside the yardstick",
-    "build": "Large models",
-    "contest": "Beside other programs",
-    "whole": "A whole process",
-}
+# Title, what it is made of, and how.
+PARTS: tuple[tuple[str, str, Callable[[dict[str, Any]], str]], ...] = (
+    ("Beside other programs", "contest", contest),
+    ("A whole process", "whole", whole),
+    ("Steps alone, and what one core could do", "roofline", roofline),
+    ("Beside the yardstick", "steps", steps),
+    ("Large models", "build", build),
+)
 
 
 def _machine(made: dict[str, Any]) -> str:
@@ -140,16 +175,21 @@ def _machine(made: dict[str, Any]) -> str:
     peers = ", ".join(f"{name} {version}" for name, version in made["peers"].items())
     system = f"{made['processor']}, {made['cores']} cores, {made['system']}"
     text = f"{made['date']}; {system}; Python {made['python']}, {own}"
-    return text + (f"; peers: {peers}" if peers else "") + f"; `{made['command']}`."
+    text += f"; others: {peers}" if peers else ""
+    if made["missing"]:
+        text += f"; not installed and left out: {', '.join(made['missing'])}"
+    return f"{text}; `{made['command']}`."
 
 
 def sections(results: dict[str, Any]) -> Iterator[str]:
-    """The measured part of the page."""
-    for part in PARTS:
-        if results.get(part):
-            yield f"### {TITLES[part]}"
-            yield MAKERS[part](results)
-            yield f"Measured {_machine(results['machines'][part])}"
+    """The measured part of the page: each machine is named after the last of its tables."""
+    shown = [(title, part, make) for title, part, make in PARTS if results.get(part)]
+    machines = [results["machines"][part] for _, part, _ in shown]
+    for (title, _, make), made, following in zip(shown, machines, [*machines[1:], None], strict=True):
+        yield f"### {title}"
+        yield make(results)
+        if made != following:
+            yield f"Measured {_machine(made)}"
 
 
 def write(page: Path, results: dict[str, Any]) -> None:

@@ -1,35 +1,21 @@
 """The least that a step can cost: a chain of point masses, written by hand for CasADi.
 
 One step of DOP853 with error estimate and projection as one function, from the equations (D.24) of this one
-system: no model file, no general mass matrix, no grid, no account. lagcli is measured against it, run by run in
-one process.
+system: no model file, no general mass matrix, no grid, no account. lagcli is measured against it, in turns in one
+process.
 """
 
 from __future__ import annotations
 
-import dataclasses
-import time
 from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from lagcli.compiled import dop853_tableau
 
-Floats = npt.NDArray[np.float64]
-
 GRAVITY = 9.81
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class Motion:
-    """The end of a run: state (6 n,), attempted steps, seconds of wall time."""
-
-    y: Floats
-    attempts: int
-    seconds: float
 
 
 def _functions(links: int) -> tuple[Any, Any, Any]:
@@ -86,18 +72,3 @@ class Stepper:
             self._buffer.set_arg(i, memoryview(array.data))
         for i, array in enumerate((self.new, self.error)):
             self._buffer.set_res(i, memoryview(array.data))
-
-    def run(self, start: Floats, duration: float) -> Motion:
-        """The motion from `start` (6 n,) at t = 0."""
-        began = time.perf_counter()
-        y, h, new, error, trigger = self.y, self.h, self.new, self.error, self.trigger
-        y[:] = start
-        t, size, attempts = 0.0, 1e-3, 0
-        while t < duration:
-            h[0] = size = min(size, duration - t)
-            trigger()
-            attempts += 1
-            if error[0] < 1:
-                t, y[:] = t + size, new
-            size *= min(10.0, max(0.2, 0.9 * max(error[0], 1e-10) ** -0.125))
-        return Motion(y.copy(), attempts, time.perf_counter() - began)

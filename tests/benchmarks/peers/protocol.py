@@ -1,40 +1,37 @@
-"""What a peer is asked and what it answers: JSON in, one JSON object a line out.
+"""What a program is asked and what it answers: JSON, one object a line.
 
-In: {"problem": {...}, "reference": [...], "wanted": 1e-9, "limit": seconds}, with "whole": {"setting", "rows",
-"file"} for one run of a known setting that writes a table. Out: a line for each attempt; the last one counts.
-The scripts of this folder run in the environment of the peers and import nothing of lagcli.
+In: a problem; then a setting a line, each of which is solved. Out: the settings there are, from loose to fine, and what
+it took to make the equations; then for each setting q at the end, and processor time: `first`, of the first solution
+with all that is compiled for it, and `seconds`, the least of several more. A problem with "once" is solved with that
+setting alone. The scripts of this folder run as processes, and but for `lagcli_tiers.py` import nothing of lagcli.
 """
 
 from __future__ import annotations
 
-import functools
 import json
 import sys
 import time
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
-
-Floats = npt.NDArray[np.float64]
-Run = Callable[[], tuple[float, Floats]]  # seconds of the solution alone, q at the end
 
 GRAVITY = 9.81
-REPEATS = 5
+LONG_ENOUGH, MOST = 0.01, 20  # seconds, and solutions, of which the least counts
+
+Run = Callable[[], Any]  # q at the end
 
 
-def request() -> dict[str, Any]:
-    """What is asked."""
-    asked: dict[str, Any] = json.load(sys.stdin)
-    return asked
+class Solver(NamedTuple):
+    """The settings from loose to fine, and what makes a run of one of them."""
+
+    settings: Sequence[str]
+    prepare: Callable[[str], Run]
 
 
-def error(found: Floats, reference: Floats) -> float:
-    """The largest error of a coordinate, relative where it exceeds one; infinite where anything is not finite."""
-    if not np.isfinite(found).all():
-        return float("inf")
-    return float(np.max(np.abs(found - reference) / np.maximum(1.0, np.abs(reference))))
+def tolerances(first: int, last: int, step: int = 1) -> list[str]:
+    """Powers of ten, by halves of a decade where the step is 1."""
+    return [f"{10 ** (-half / 2):.0e}" for half in range(2 * first, 2 * last + 1, step)]
 
 
 def tell(**answer: Any) -> None:
@@ -42,63 +39,26 @@ def tell(**answer: Any) -> None:
     print(json.dumps(answer), flush=True)
 
 
-class Search:
-    """Runs ever finer settings until the wanted error is reached; tells each attempt."""
-
-    def __init__(self, asked: dict[str, Any], build_seconds: float) -> None:
-        self._reference = np.array(asked["reference"])
-        self._wanted, self._limit = asked["wanted"], asked["limit"]
-        self._build_seconds = build_seconds
-        self._began = time.perf_counter()
-
-    def left(self) -> float:
-        """Seconds of the limit that are left."""
-        return float(self._limit - (time.perf_counter() - self._began))
-
-    def attempt(self, setting: str, run: Run) -> tuple[float, float]:
-        """One run of a setting, and more where it reaches the error: seconds (the least), error."""
-        seconds, found = run()
-        reached = error(found, self._reference)
-        self._tell(setting, seconds, reached)
-        if reached <= self._wanted:
-            for _ in range(REPEATS):
-                if 2 * seconds < self.left():
-                    seconds = min(seconds, run()[0])
-            self._tell(setting, seconds, reached)
-        return seconds, reached
-
-    def first(self, settings: Iterable[tuple[str, Run]]) -> None:
-        """The first setting that reaches the error."""
-        for setting, run in settings:
-            if self.attempt(setting, run)[1] <= self._wanted or self.left() < 0:
-                return
-
-    def by_steps(
-        self, setting: str, run: Callable[[int], tuple[float, Floats]], steps: int
-    ) -> tuple[int, bool]:
-        """For a scheme of order 2 with constant steps: as many as the error of the last attempt asks for.
-
-        Returns the steps last tried, and whether the search is over: reached, or more would not fit in the limit.
-        It is not where more steps no longer help.
-        """
-        before = float("inf")
-        while True:
-            seconds, reached = self.attempt(f"{setting}, {steps} steps", functools.partial(run, steps))
-            if reached <= self._wanted:
-                return steps, True
-            if not reached < 0.9 * before:
-                return steps, False
-            before = reached
-            more = min(64.0, max(1.3, 1.1 * (reached / self._wanted) ** 0.5))
-            if more * seconds > self.left():
-                return steps, True
-            steps = int(steps * more)
-
-    def _tell(self, setting: str, seconds: float, reached: float) -> None:
-        tell(
-            setting=setting,
-            solve_seconds=seconds,
-            error=reached if np.isfinite(reached) else None,
-            build_seconds=self._build_seconds,
-            reached=reached <= self._wanted,
-        )
+def serve(build: Callable[[dict[str, Any]], Solver]) -> None:
+    """Answer what is asked until there is no more."""
+    problem = json.loads(sys.stdin.readline())
+    began = time.process_time()
+    settings, prepare = build(problem)
+    if "once" in problem:
+        tell(q=np.asarray(prepare(problem["once"])()).tolist())
+        return
+    tell(settings=list(settings), seconds=time.process_time() - began)
+    runs: dict[str, Run] = {}
+    for line in sys.stdin:
+        setting = json.loads(line)
+        before = time.process_time()
+        if setting not in runs:
+            runs[setting] = prepare(setting)
+            runs[setting]()
+        first = time.process_time() - before
+        times, q = list[float](), None
+        while sum(times) < LONG_ENOUGH and len(times) < MOST:
+            began = time.process_time()
+            q = runs[setting]()
+            times.append(time.process_time() - began)
+        tell(q=np.asarray(q).tolist(), first=first, seconds=min(times))
