@@ -106,7 +106,7 @@ def _measure(chosen: argparse.Namespace, results: dict[str, Any]) -> Iterator[No
         if each.package in programs.HERE or each.package in installed
     }
     missing = sorted({each.package for key, each in chosen.programs.items() if key not in asked})
-    if missing:
+    if missing and chosen.only:
         _say(f"left out, since not installed: {', '.join(missing)}")
     made = machine.description(installed) | {"missing": missing}
     made["command"] = " ".join(["python -m tests.benchmarks", *_shown(sys.argv[1:])])

@@ -21,7 +21,7 @@ STYLES = {
     "mujoco": ("#b08d57", "v", "-"),
     "scipy": ("0.5", "x", "-"),
 }
-COLUMNS = 3
+COLUMNS = 4
 FINEST = 1e-14  # smaller errors are drawn there
 
 
@@ -31,7 +31,7 @@ def write(path: Path, results: dict[str, Any]) -> None:
     if not motions:
         return
     rows = -(-len(motions) // COLUMNS)
-    paper = mpl.Figure(figsize=(4.2 * COLUMNS, 3.4 * rows + 0.6), layout="constrained", dpi=110)
+    paper = mpl.Figure(figsize=(3.6 * COLUMNS, 3.4 * rows + 0.6), layout="constrained", dpi=110)
     panels = paper.subplots(rows, COLUMNS, squeeze=False).ravel()
     seen: dict[str, Any] = {}
     for panel, case in zip(panels, motions, strict=False):
