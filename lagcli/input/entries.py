@@ -38,7 +38,8 @@ def fields(formulas: Formulas, node: yaml_tree.AnyNode, key: keys.Key) -> dict[s
             formulas.report(name, "unknown-key", f"there is no key `{name.value}` here", hint)
         else:
             found[name.value] = value
-    meant = key_hints.meant_keys(key, unknown)
+    # What is meant stands in a file that is read where something is not understood.
+    meant = key_hints.meant_keys(key, unknown) if unknown else set()
     for field in key.keys:
         if field.required and field.name not in found and field.name not in meant:
             formulas.report(node, "missing-key", f"the key `{field.name}` is missing ({field.meaning})")
