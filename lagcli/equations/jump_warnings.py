@@ -30,10 +30,14 @@ def warnings(built: System) -> tuple[diagnostics.Diagnostic, ...]:
     """The warnings of angles at their cuts, of energies, and of other rows and gaps, in this order. One for each
     constraint with an angle that jumps and one for the forces; one for each potential, Lagrangian or position with a
     jump; one for each condition of `inequality` and each holonomic row that is found to jump near the start."""
-    found: list[diagnostics.Diagnostic] = []
+    return tuple(diagnostics.Diagnostic(*found, "warning") for found in _found(built))
+
+
+def _found(built: System) -> Iterator[tuple[str, str, diagnostics.Location, str]]:
+    """Code, message, location and hint of each."""
     if not all(named_functions.ANGLES.isdisjoint(e.words) for e in named_functions.expressions(built.model)):
         for location, message in _cuts(built).items():
-            found.append(diagnostics.Diagnostic("branch-cut", message, location, CUT_HINT, "warning"))
+            yield "branch-cut", message, location, CUT_HINT
     if built.jumps is not None:
         state = built.model.simulation.start, *mechanics.start(built.model)
         for subject, word in built.jumps.anywhere(state, mechanics.values(built)):
@@ -41,17 +45,14 @@ def warnings(built: System) -> tuple[diagnostics.Diagnostic, ...]:
                 f"{subject.description} jumps where {energy_jumps.PHRASES[word]}: the force there is an impulse, and a"
                 " run that gets there stops"
             )
-            location = subject.location
-            found.append(diagnostics.Diagnostic("energy-jump", message, location, ENERGY_HINT, "warning"))
+            yield "energy-jump", message, subject.location, ENERGY_HINT
     for row, word in _jumping(built, built.contacts.rows, built.contacts.g):
         message = f"the one-sided constraint `{row.name}` jumps where {energy_jumps.PHRASES[word]}"
-        found.append(diagnostics.Diagnostic("condition-jumps", message, row.location, ROW_HINT, "warning"))
+        yield "condition-jumps", message, row.location, ROW_HINT
     for row, word in _jumping(built, built.rows.rows[: built.holonomic_count], built.rows.f):
-        message = (
-            f"the row `{row.name}` jumps where {energy_jumps.PHRASES[word]}; a run that gets there stops"
-        )
-        found.append(diagnostics.Diagnostic("row-jumps", message, row.location, ROW_HINT, "warning"))
-    return tuple(found)
+        phrase = energy_jumps.PHRASES[word]
+        message = f"the row `{row.name}` jumps where {phrase}; a run that gets there stops"
+        yield "row-jumps", message, row.location, ROW_HINT
 
 
 def out_of_sight(built: System) -> tuple[str, ...]:

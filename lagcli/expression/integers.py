@@ -64,13 +64,11 @@ def holds(node: tree.Node, lookup: Lookup) -> Truth:
     """The truth of a filter: a `bool`, or bool of shape (K,) where it is asked of K members. Every comparison is
     evaluated for every member, whatever those before it say. Raises as `evaluate`."""
     match node:
-        case tree.Not():
-            truth = holds(node.inner, lookup)
-            return not truth if isinstance(truth, bool) else ~truth
-        case tree.And():
-            return functools.reduce(operator.and_, [holds(part, lookup) for part in node.parts])
-        case tree.Or():
-            return functools.reduce(operator.or_, [holds(part, lookup) for part in node.parts])
+        case tree.Logical():
+            truths = [holds(part, lookup) for part in node.parts]
+            if node.word == "not":
+                return not truths[0] if isinstance(truths[0], bool) else ~truths[0]
+            return functools.reduce(operator.and_ if node.word == "and" else operator.or_, truths)
         case tree.ComparisonNode():
             values = [_exact(operand, lookup) for operand in node.operands]
             pairs = zip(values, node.relations, values[1:], strict=False)

@@ -47,8 +47,7 @@ def parse_range(text: str) -> tree.Range:
 
 
 def parse_filter(text: str) -> tree.Node:
-    """Comparisons joined with `and`, `or`, `not` and parentheses. Raises `ExpressionError`. Returns a `Comparison`,
-    `Not`, `And` or `Or`; the operands of comparisons are expressions."""
+    """Comparisons joined with `and`, `or`, `not` and parentheses. Raises `ExpressionError`."""
     return _FilterParser(text).filter()
 
 
@@ -345,7 +344,7 @@ class _Parser:
 _COMPARISONS = ("==", "!=", "<", "<=", ">", ">=")
 _RELATIONS = (*_COMPARISONS, "=")
 _JOINTS = ("and", "or", "not")
-_TRUTHS = (tree.ComparisonNode, tree.Not, tree.And, tree.Or)
+_TRUTHS = (tree.ComparisonNode, tree.Logical)
 
 
 class _ConditionParser(_Parser):
@@ -405,7 +404,7 @@ class _FilterParser(_Parser):
         self._require_kind(node, is_truth=True)
         for part in tree.walk(node):
             for child in tree.children(part):
-                self._require_kind(child, isinstance(part, (tree.Not, tree.And, tree.Or)))
+                self._require_kind(child, isinstance(part, tree.Logical))
         return node
 
     @staticmethod
@@ -417,15 +416,13 @@ class _FilterParser(_Parser):
                 hint = "comparisons are joined with `and`, `or`, `not`"
             raise ExpressionError("syntax", message, node.start, node.end, hint)
 
-    def _joined(
-        self, word: str, part: Callable[[], tree.Node], make: type[tree.And] | type[tree.Or]
-    ) -> tree.Node:
+    def _joined(self, word: str, part: Callable[[], tree.Node]) -> tree.Node:
         start = self._starts[self._at]
         parts = [part()]
         while self._kinds[self._at] == word:
             self._at += 1
             parts.append(part())
-        return make(start, self._end(), tuple(parts)) if len(parts) > 1 else parts[0]
+        return tree.Logical(start, self._end(), word, tuple(parts)) if len(parts) > 1 else parts[0]
 
     def _negated(self) -> tree.Node:
         start = self._starts[self._at]
@@ -434,7 +431,7 @@ class _FilterParser(_Parser):
             self._nested(word)
             inner = self._negated()
             self._depth -= 1
-            return tree.Not(start, self._end(), inner)
+            return tree.Logical(start, self._end(), "not", (inner,))
         operands, relations = [self._sum()], []
         while self._kinds[self._at] in _COMPARISONS:
             relations.append(self._next().text)
@@ -444,7 +441,7 @@ class _FilterParser(_Parser):
         return tree.ComparisonNode(start, self._end(), tuple(operands), tuple(relations))
 
     def _grouped(self) -> tree.Node:
-        return self._joined("or", lambda: self._joined("and", self._negated, tree.And), tree.Or)
+        return self._joined("or", lambda: self._joined("and", self._negated))
 
     def _expect(self, kind: str, opened: Token) -> None:
         token = self._peek()

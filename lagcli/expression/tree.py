@@ -157,23 +157,10 @@ class ComparisonNode(Node):
 
 
 @dataclasses.dataclass(slots=True, eq=False, repr=False)
-class Not(Node):
-    """`not inner`."""
+class Logical(Node):
+    """`not` of a comparison, or two and more that are joined with `and` or `or`."""
 
-    inner: Node
-
-
-@dataclasses.dataclass(slots=True, eq=False, repr=False)
-class And(Node):
-    """Two or more comparisons joined with `and`."""
-
-    parts: tuple[Node, ...]
-
-
-@dataclasses.dataclass(slots=True, eq=False, repr=False)
-class Or(Node):
-    """Two or more comparisons joined with `or`."""
-
+    word: str
     parts: tuple[Node, ...]
 
 
@@ -188,9 +175,7 @@ _CHILDREN: dict[type[Node], Callable[..., tuple[Node, ...]]] = {
     Index: lambda node: node.indices,
     Range: lambda node: (node.low, node.high),
     ComparisonNode: lambda node: node.operands,
-    Not: lambda node: (node.inner,),
-    And: lambda node: node.parts,
-    Or: lambda node: node.parts,
+    Logical: lambda node: node.parts,
 }
 
 

@@ -167,8 +167,8 @@ def expressions_of(force: Force) -> tuple[Expression, ...]:
 
 
 @frozen
-class Holonomic:
-    """f(r, q, t) = left - right = 0 (D.2); three rows where it is a vector equation."""
+class _Equation:
+    """A law with a row for each member, or three where it is a vector equation."""
 
     members: Family
     equation: Expression
@@ -180,17 +180,15 @@ class Holonomic:
 
 
 @frozen
-class Differential:
+class Holonomic(_Equation):
+    """f(r, q, t) = left - right = 0 (D.2)."""
+
+
+@frozen
+class Differential(_Equation):
     """A law linear in differentials or in velocities (D.3, D.4)."""
 
-    members: Family
-    equation: Expression
-    is_vector: bool
     form: Literal["differentials", "velocities"]
-
-    @property
-    def rows(self) -> tuple[str, ...]:
-        return _with_axes(self.members, self.is_vector)
 
 
 @frozen
