@@ -71,8 +71,10 @@ def column(value: ca.SX, count: int) -> ca.SX:
     return ca.repmat(ca.densify(value), count, 1)
 
 
-def interleaved(parts: Sequence[ca.SX], count: int) -> ca.SX:
-    """Columns x, y, z (or one) of K members as x1, y1, z1, x2, ...: the order of rows and coordinates."""
+def interleaved(parts: Sequence[ca.SX], count: int | None = None) -> ca.SX:
+    """Columns x, y, z (or one) of K members as x1, y1, z1, x2, ...: the order of rows and coordinates. count: K, where
+    the columns may be scalars."""
+    count = parts[0].numel() if count is None else count
     if len(parts) == 1:
         return column(parts[0], count)
     return ca.vec(ca.horzcat(*(column(part, count) for part in parts)).T)
@@ -200,7 +202,7 @@ class Environment:
             for p in self._model.particles
             if p.members.count
         ]
-        return ca.vertcat(*values) if values else ca.SX(0, 1)
+        return ca.vertcat(ca.SX(0, 1), *values)
 
     def constant(self, name: str) -> Value | None:
         return self._constants.get(name)

@@ -219,7 +219,7 @@ def outputs(model: nouns.Model, env: Environment, named: OutputValues) -> ca.SX:
         parts = _located(output.expression, env.algebra(output.members.variables, results=named))
         named.store(entry, output.members.count, parts)
         values.append(environment.interleaved(parts, output.members.count))
-    return ca.densify(ca.vertcat(*values)) if values else ca.SX(0, 1)
+    return ca.densify(ca.vertcat(ca.SX(0, 1), *values))
 
 
 def _located(expression: nouns.Expression, algebra: SymbolicAlgebra) -> list[ca.SX]:
@@ -235,4 +235,4 @@ def _located(expression: nouns.Expression, algebra: SymbolicAlgebra) -> list[ca.
 def events(model: nouns.Model, env: Environment, named: OutputValues) -> ca.SX:
     """`when` of all declared events, (E,); they may read outputs. Raises as `outputs`, which comes before."""
     values = [_located(event.when, env.algebra(results=named))[0] for event in model.events]
-    return ca.densify(ca.vertcat(*values)) if values else ca.SX(0, 1)
+    return ca.densify(ca.vertcat(ca.SX(0, 1), *values))

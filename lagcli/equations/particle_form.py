@@ -68,7 +68,7 @@ def build(built: system.System, particle_model: nouns.Model) -> system.System:
     ) -> tuple[rows.ConstraintRows, energy.Dynamics]:
         # r_k - x_k(q, t) of the freed particles, (3 times their number, 1), over the symbols of `env`.
         everyone = np.arange(len(env.particles))
-        r = environment.interleaved(env.position(everyone), everyone.size)
+        r = environment.interleaved(env.position(everyone))
         coordinates = np.flatnonzero(np.repeat(~is_dependent, 3)).tolist()
         q = ca.vertcat(env.q[coordinates], env.q[3 * everyone.size :])
         old, new = [built.symbols.t, built.symbols.q, built.symbols.p], [env.t, q, env.symbols.p]

@@ -86,7 +86,10 @@ def contacts(model: nouns.Model, environment: Environment) -> ContactRows:
 def _joined(names: tuple[Row, ...], blocks: Sequence[family_rows.FamilyBlock], q: ca.SX) -> ConstraintRows:
     """The rows of all blocks. Raises `diagnostics.ModelError` for one without coordinates, but for a component 0 = 0 of
     a vector equation, which stays as a redundant row, and for g(q, t) dt = 0, which demands g = 0."""
-    f, b, gamma = (_stack([getattr(block, part) for block in blocks]) for part in ("f", "b", "gamma"))
+    f, b, gamma = (
+        ca.densify(ca.vertcat(ca.SX(0, 1), *(getattr(block, part) for block in blocks)))
+        for part in ("f", "b", "gamma")
+    )
     B = ca.sparsify(ca.vertcat(ca.SX(0, q.numel()), *(block.B for block in blocks)))
     s = f.numel()
     values = ca.vertcat(f, b[s:, :])
@@ -159,12 +162,8 @@ def _blocks(
             else:
                 blocks.append(made)
         if values:
-            blocks.append(build(_stack(values), environment))
+            blocks.append(build(ca.densify(ca.vertcat(*values)), environment))
     return names, blocks
-
-
-def _stack(values: list[ca.SX]) -> ca.SX:
-    return ca.densify(ca.vertcat(*values)) if values else ca.SX(0, 1)
 
 
 def of_body(

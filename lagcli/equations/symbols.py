@@ -39,7 +39,7 @@ def fresh(model: nouns.Model) -> Symbols:
         ca.SX.sym("t"),
         ca.SX.sym("q", n),
         ca.SX.sym("v", n),
-        ca.vertcat(*flat) if flat else ca.SX(0, 1),
+        ca.vertcat(ca.SX(0, 1), *flat),
         parameters,
     )
 

@@ -147,9 +147,9 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
         rows=equalities,
         contacts=contacts,
         Q_R=Q_R,
-        R=_flat(R.take(everyone)),
-        r=_flat(env.position(everyone)),
-        r_dot=_flat(env.velocity(everyone)),
+        R=environment.interleaved(R.take(everyone)),
+        r=environment.interleaved(env.position(everyone)),
+        r_dot=environment.interleaved(env.velocity(everyone)),
         outputs=recorded,
         event_values=output_values.events(model, env, named),
         bodies=bodies,
@@ -202,11 +202,6 @@ def with_values(built: System, model: nouns.Model) -> System | None:
 def _begin(model: nouns.Model, bodies: Sequence[Geometry]) -> tuple[float, Floats, Floats]:
     """t, q and p of the declared start."""
     return model.simulation.start, start(model)[0], parameter_values(model, bodies)
-
-
-def _flat(vectors: Sequence[ca.SX]) -> ca.SX:
-    """Columns x, y, z as x1, y1, z1, x2, ..."""
-    return environment.interleaved(vectors, vectors[0].numel())
 
 
 def start(model: nouns.Model) -> tuple[Floats, Floats]:
@@ -273,7 +268,7 @@ def geometries(model: nouns.Model, s: Symbols, env: Environment) -> tuple[Geomet
     from lagcli.equations import rigid
 
     numbers = np.unique([number for body in model.rigid for number in body.particles])
-    where = SizedFunction("where", [s.t, s.q, s.p], [_flat(env.position(numbers))])
+    where = SizedFunction("where", [s.t, s.q, s.p], [environment.interleaved(env.position(numbers))])
     q, _ = start(model)
     p = symbols.parameter_values(model)
     points = np.array(where(model.simulation.start, q, p)).reshape(-1, 3)
