@@ -72,8 +72,7 @@ def cells(array: Floats) -> memoryview[float]:
 
 
 class PositionRows:
-    """f (s,) and the entries of B (s, n) of `holonomic(t, q, p)`, at one t and p. only: of these rows, in this
-    order."""
+    """f (s,) and the entries of B (s, n) of `holonomic(t, q, p)`, at one t and p. only: of these rows."""
 
     def __init__(
         self, holonomic: ca.Function, t: float, p: Floats, only: Sequence[int] | None = None

@@ -1,6 +1,5 @@
 """The functions of a system with its factorizations: expanded into the graph, the fastest way while S is small, or with
-S factored numerically at each call: an expanded part that gives B, M^-1 B^T and a right-hand side, their product S, a
-solve node, an expanded part that uses the solution."""
+S factored numerically at each call, as a solve node between expanded parts."""
 
 from __future__ import annotations
 
@@ -35,10 +34,8 @@ class SystemFunctions:
 
     @cached_property
     def position(self) -> ca.Function:
-        """position(t, y, p) -> y after one Newton step onto f = 0 and g = 0 along M^-1 B^T.
-
-        That is towards the nearest point in the mass-weighted norm.
-        """
+        """position(t, y, p) -> y after one Newton step onto f = 0 and g = 0 along M^-1 B^T, towards the nearest
+        point."""
         parts, n = self._parts, self._parts.v.numel()
         f, B = parts.enforced
         if f.numel() == 0:

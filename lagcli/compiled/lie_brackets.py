@@ -113,9 +113,8 @@ def _eliminate(row: dict[int, T], pivot: dict[int, T], j: int, factor: T, nothin
 def expanded_field(
     block: RowBlock, independent: Sequence[int], order: Sequence[tuple[int, int]]
 ) -> ca.Function:
-    """field(x, p, u, w) -> Y with A_I Y = (0, w) and Y = u beside the pivots: written out, operation by operation.
-    independent: the rows I, in their order; order: `pivots` of A_I; u (N,), of which the entries at pivots do not
-    count; w: values of the independent differential rows."""
+    """field(x, p, u, w) -> Y with A_I Y = (0, w) and Y = u (N,) beside the pivots, written out. independent: the rows
+    I, in their order; order: `pivots` of A_I; w: values of the independent differential rows."""
     u, s = ca.SX.sym("u", block.size), len(block.holonomic)
     w = ca.SX.sym("w", sum(i >= s for i in independent))
     A = block.A[list(independent), :]

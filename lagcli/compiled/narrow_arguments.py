@@ -67,8 +67,7 @@ _Kind = tuple[float, float, bool]
 
 
 def find(system: System, has_contacts: bool) -> NarrowArguments | None:
-    """The arguments of a system; None where there are none, and where there are too many to look at. has_contacts: of
-    the one-sided rows too, one of which is closed."""
+    """The arguments of a system; None where there are none, or too many. has_contacts: of closed one-sided rows too."""
     s, rows = system.symbols, system.rows
     inputs = [s.t, s.q, s.v, system.p]
     moving = [system.dynamics.jacobi, system.dynamics.driving, system.f, rows.B, rows.b]

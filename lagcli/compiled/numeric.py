@@ -1,14 +1,9 @@
-"""The numeric functions of a system: CasADi functions of (t, state, parameters), so that another value of a parameter
-costs no build.
+"""The numeric functions of a system: CasADi functions of (t, state, parameters), which other values need not build
+anew.
 
 The state is y = (q, v, W), shape (2n + 1,), with W the work of all that may change the Jacobi energy; it certifies the
-run and does not steer it.
-
-lambda at an instant, from (D.24) with the rows differentiated once:
-
-    S lambda = gamma - B M^-1 h,    S = B M^-1 B^T,    a = M^-1 (h + B^T lambda)
-
-S and M are factored as L D L^T with their sparsity.
+run and does not steer it. lambda at an instant, from (D.24) with the rows differentiated once, S and M factored as L D
+L^T with their sparsity: S lambda = gamma - B M^-1 h, S = B M^-1 B^T, a = M^-1 (h + B^T lambda).
 """
 
 from __future__ import annotations
@@ -176,11 +171,9 @@ class NumericSystem:
 
     @_of_steps
     def project(self) -> ca.Function:
-        """project(t, y, p) -> y on f = 0 and B v + b = 0, y' there, a status of four, and `parts.Sizes.packed`.
-
-        The status is `parts.status` and the sum of y', finite only where all of y' is. A state that g = 0 threw far off
-        counts as not projected: it is on another branch.
-        """
+        """project(t, y, p) -> y on f = 0 and B v + b = 0, y' there, a status of four, and `parts.Sizes.packed`. The
+        status is `parts.status` and the sum of y', finite only where all of y' is. A state that g = 0 threw far off,
+        onto another branch, counts as not projected."""
         t, y, p = inputs = _inputs(self._way.projection)
         projected, rate, _, status, sizes = self._way.projection(t, self._projected(t, y, p), p)
         residual = status[0]

@@ -291,12 +291,9 @@ def residuals(parts: Parts) -> tuple[ca.SX, ca.SX]:
 
 @frozen
 class Sizes:
-    """Sizes in which positions, velocities and accelerations are small or large, whatever the units.
-
-    units (n,): M_ii^(-1/2), so that an angle of a long arm counts as much as the way of its end; all components of
-    Cartesian particles have that of the heaviest. q, v, a: the largest |q_i|, |v_i| and |h_i| / M_ii in these units;
-    a is there where forces balance each other too.
-    """
+    """Sizes in which positions, velocities and accelerations are small or large, whatever the units. units (n,):
+    M_ii^(-1/2), so that an angle of a long arm counts as much as the way of its end; all components of Cartesian
+    particles have that of the heaviest. q, v, a: the largest |q_i|, |v_i|, |h_i| / M_ii in these units."""
 
     units: ca.SX
     q: ca.SX

@@ -1,6 +1,5 @@
 """Steps along fields that satisfy rows, A dz = B dq + b dt = 0, and their derivatives, for many points at once. A point
-is z = (q of some coordinates, t); what is fixed is built in. A step is a graph that calls the field, so that its
-derivatives are short too."""
+is z = (q of some coordinates, t). A step is a graph that calls the field: its derivatives are short too."""
 
 from __future__ import annotations
 
@@ -38,8 +37,7 @@ class FixedValues:
 
 
 def rows(system: System, chosen: Numbers, coordinates: Numbers, fixed: FixedValues) -> tuple[ca.SX, ca.SX]:
-    """z (k + 1,) and A (c, k + 1) of the rows `chosen` (c,) as expressions in it; other coordinates are fixed. z counts
-    each coordinate and time in the units of `fixed.scale`."""
+    """z (k + 1,) in units of `fixed.scale`, and A (c, k + 1) of rows `chosen` (c,); other coordinates are fixed."""
     symbols, p = system.symbols, system.p
     z = ca.SX.sym("z", len(coordinates) + 1)
     scale = ca.DM(fixed.scale)

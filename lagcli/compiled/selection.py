@@ -26,8 +26,7 @@ def solver(matrix: ca.SX) -> Solve:
 
 
 def watched(matrix: ca.SX) -> tuple[Solve, ca.SX | float]:
-    """The `solver`, with the least pivot as a part of its diagonal entry: of a Gram matrix the square of the sine
-    between a row and the rows before it."""
+    """The `solver`, with the least pivot as a part of its diagonal entry, a squared sine of rows and those before."""
     n = matrix.shape[0]
     if n == 0:
         return (lambda right: right), 1.0
@@ -140,8 +139,7 @@ class Selection:
 
 
 def split(selection: Selection, S: ca.MX, lam: ca.MX) -> ca.MX:
-    """lambda of all rows (C + K,), from those of the independent rows; 0 of inactive ones. S = B M^-1 B^T of the
-    `shared` rows in their order; S and lambda are expressions."""
+    """lambda of all rows (C + K,), 0 of inactive ones, from that of independent rows and S of the `shared` ones."""
     among = {row: i for i, row in enumerate(selection.shared)}
     index = {row: i for i, row in enumerate(selection.independent)}
     supports = {dependency[0]: frozenset(dependency[1:]) for dependency in selection.dependencies}

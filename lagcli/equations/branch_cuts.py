@@ -179,8 +179,7 @@ def _turns(here: T, last: T, periods: T, ceil: Callable[[T], T]) -> T:
 
 
 def _opened(f: ca.SX, s: Symbols, p: ca.SX) -> tuple[ca.SX, ca.SX, list[float], ca.SX]:
-    """f with a symbol for each angle that t or q moves; the angles (J,) as the functions give them, one within the
-    arguments of another too, their periods, and the symbols."""
+    """f with a symbol for each angle that t or q moves; the angles (J,), their periods, and the symbols."""
     inputs = [s.t, s.q, s.v, p]
     values: list[ca.SX] = []
     symbols: list[ca.SX] = []

@@ -92,8 +92,7 @@ def generalized(force: nouns.Force, environment: Environment) -> ca.SX:
 def _on_particles(
     forces: Sequence[nouns.Force], environment: Environment, constant: bool
 ) -> Iterator[tuple[Integers, Triple]]:
-    """Particles (P,) with the forces declared on them, those that count as potentials or the others; each is evaluated
-    over all pairs of a target and what acts on it."""
+    """Particles (P,) with the forces declared on them, those that count as potentials or the others, pair by pair."""
     for force in forces:
         if not isinstance(force, nouns.ParticleForce) or force.constant != constant:
             continue

@@ -72,8 +72,7 @@ def column(value: ca.SX, count: int) -> ca.SX:
 
 
 def interleaved(parts: Sequence[ca.SX], count: int | None = None) -> ca.SX:
-    """Columns x, y, z (or one) of K members as x1, y1, z1, x2, ...: the order of rows and coordinates. count: K, where
-    the columns may be scalars."""
+    """Columns x, y, z (or one) of K members as x1, y1, z1, x2, ..., in the order of rows. count: K, of scalars too."""
     count = parts[0].numel() if count is None else count
     if len(parts) == 1:
         return column(parts[0], count)
@@ -172,9 +171,8 @@ class Environment:
         results: Results[ca.SX] | None = None,
         leaves: Leaves[ca.SX] | None = None,
     ) -> SymbolicAlgebra:
-        """An algebra of this environment. `variables`: index vectors (K,) of a family; `own`: `m`, `r`, `v` of
-        a particle; `results`: what `multiplier`, `reaction`, `kinetic` and `potential` stand for; `leaves`: what
-        the coordinates stand for, if not these columns."""
+        """An algebra of this environment. `variables`: index vectors (K,) of a family; `own`: `m`, `r`, `v` of a
+        particle; `results`: what only a motion has; `leaves`: what coordinates stand for, if not these columns."""
         found = Resolver(self.names, leaves or self, variables or {}, own or {}, results)
         return SymbolicAlgebra(found.atom, found.special, self._fixed)
 

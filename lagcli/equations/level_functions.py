@@ -44,9 +44,8 @@ class UnknownName(Exception):
 
 
 def charts(system: System, written: Sequence[invariant.LevelFunction]) -> Charts:
-    """The expressions of charts. Their names are coordinates, parameters, `t` and `pi`: dependent particles,
-    definitions, `d`, `rate` and results of a run do not occur in them. Raises `expression.ExpressionError` for a text
-    that is no expression, `UnknownName` for another name."""
+    """The expressions of charts, whose names are coordinates, parameters, `t` and `pi`. Raises
+    `expression.ExpressionError` for a text that is no expression, `UnknownName` for another name."""
     s, fixed = system.symbols, FixedExponents(system.model)
     values: dict[str, Value] = {"t": s.t, "pi": ca.SX(ca.pi)}
     for name, value in s.parameters.items():

@@ -46,8 +46,7 @@ class _Narrow(Exception):
 
 
 def are_any(model: nouns.Model, has_contacts: bool) -> bool:
-    """True if a force, a row, a position or a definition of a model holds such a function of the motion; has_contacts:
-    of the one-sided rows too, one of which is closed."""
+    """True if a force, row, position or definition holds such a function; has_contacts: closed one-sided rows too."""
     meanings = {d.name: d.expression.tree for d in model.definitions}
     orders = _Orders(model, lambda value: _CONSTANT, lambda name: _MOTION)
     orders.known["t"] = _CONSTANT

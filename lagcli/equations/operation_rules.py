@@ -39,8 +39,7 @@ def roundings(value: ca.SX, inputs: Sequence[ca.SX]) -> ca.SX:
 
 
 def term_sizes(value: ca.SX, inputs: Sequence[ca.SX], are_exact: bool = False) -> ca.SX:
-    """The sizes of the terms of a column (k, 1) of the `inputs`, (k, 1), no smaller than its absolute values;
-    are_exact: inputs and numbers count as none."""
+    """The sizes of the terms of a column (k, 1) of the `inputs`, which have none where they are_exact, (k, 1)."""
 
     def leaf(number: int | None, value: float) -> Sized:
         x = ca.SX(value) if number is None else inputs[number][int(value)]

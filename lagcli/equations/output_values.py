@@ -64,8 +64,7 @@ class SolvedValues:
 
 
 class OutputValues:
-    """The values of `multiplier`, `reaction`, accelerations, `kinetic`, `potential` and earlier outputs. bodies: the
-    rigid ones by their names, with their constants."""
+    """The values of `multiplier`, `reaction`, accelerations, energies, earlier outputs. bodies: by their names."""
 
     def __init__(
         self,

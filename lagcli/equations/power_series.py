@@ -143,8 +143,7 @@ def _shifted(a: PowerSeries, value: float) -> PowerSeries:
 
 
 def product(a: PowerSeries, b: PowerSeries) -> PowerSeries:
-    """a b. Each factor's rounding counts as often as the other: a difference that is nearly zero makes its square
-    exact, and not as coarse as the squares of its terms."""
+    """a b. Each factor's rounding counts as often as the other: the square of what is nearly zero is exact."""
     n = min(a.known, b.known)
     if not n:
         return NOTHING

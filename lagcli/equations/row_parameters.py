@@ -23,8 +23,7 @@ def of_start(system: System) -> Indices:
 
 
 def of_rows(system: System) -> Indices:
-    """The indices in `System.p` of numbers that the rows f, B, b hold, or that are named where they are written: the
-    classification asks for nothing else."""
+    """The indices in `System.p` of numbers that the rows f, B, b hold, or that are named where they are written."""
     occurring = _occurring(system, _rows(system))
     named = _named(system.model)
     indices: list[int] = []

@@ -81,8 +81,7 @@ def _is_zero(node: tree.Node) -> bool:
 
 
 def value(node: tree.Node, algebra: Algebra[S], own: Collection[str] = ()) -> Value[S]:
-    """The value of a tree: a scalar, or a tuple of three for a vector; `own`: functions of this algebra alone, which
-    `special` knows. Raises `ExpressionError`."""
+    """The value of a tree; `own`: functions of this algebra alone, which `special` knows. Raises `ExpressionError`."""
     match node:
         case tree.Name() | tree.Member() | tree.Index():
             return algebra.atom(node)

@@ -1,6 +1,5 @@
-"""The facts about an expression known before any dynamics: its value if constant, what it reads, its degree. One more
-algebra for `evaluate`, which finds what is wrong with a formula and where; of a constant of a family, an array over its
-members, an error names the first that it is of."""
+"""The facts about an expression known before any dynamics, as one more algebra: its value if constant, what it reads,
+its degree; and what is wrong with a formula and where, with the first member of a family that it is wrong of."""
 
 from __future__ import annotations
 
@@ -66,9 +65,8 @@ FLAG_ERRORS: dict[str, tuple[str, str]] = {
 
 
 class FactsAlgebra:
-    """lookup: gives the facts of a name; allowed: what the expression may read; subject: how the error calls the
-    expression ("a potential"); linear: whether degrees above one in differentials are errors; text: the expression as
-    it is written, of which that error quotes the term."""
+    """lookup: gives the facts of a name; allowed: what the expression may read; subject: how errors call it ("a
+    potential"); linear: degrees above one in differentials are errors, which quote a term of the text."""
 
     def __init__(
         self,

@@ -29,8 +29,7 @@ class Program(Protocol):
 
 
 def of(program: Program, inputs: Sequence[Floats]) -> Floats:
-    """The sizes of the results of a program (results,); infinite where there is no value, or a switch is near. Whole
-    numbers among constants and inputs are what they are."""
+    """The sizes of the results of a program; infinite where there is no value, or a switch is near."""
     given = [[(x, 0.0 if x.is_integer() else abs(x)) for x in part.tolist()] for part in inputs]
 
     def constant(value: float) -> Pair:

@@ -25,8 +25,7 @@ class ExpressionError(Exception):
 
 @dataclasses.dataclass(slots=True, eq=False, repr=False)
 class Node:
-    """Characters `start` to `end` of the expression. All nodes share its methods but `__init__`: to write them for each
-    class takes most of the time of the import."""
+    """Characters `start` to `end` of the expression. Methods are shared: they are slow to make at import."""
 
     start: int
     end: int

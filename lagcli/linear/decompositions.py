@@ -82,8 +82,7 @@ _FIRST_SIGNS = "+++------+++++++++"
 
 
 def generic_direction(n: int, seed: int) -> Floats:
-    """n numbers (n,) of mean square one that no model has: the parts of one in the squares of whole numbers, which
-    begin by the seed, times the golden ratio (Weyl)."""
+    """n numbers (n,) of mean square one that no model has: parts of squares times the golden ratio (Weyl)."""
     k = np.arange(n, dtype=np.uint64) + np.uint64(1 + seed * 1_000_003)  # a prime lies between the seeds
     golden = np.uint64(0x9E3779B97F4A7C15)  # the part beyond one, of 2^64
     return np.asarray((k * k * golden).astype(np.int64) * (3**0.5 / 2**63))

@@ -35,8 +35,7 @@ PARAMETERS = IndependentRowsParameters()
 
 @frozen
 class Dependence:
-    """Independent rows, and the `rest`, each of whose unit rows is a combination of unit independent rows: `weights`
-    has its weight of each row that takes part."""
+    """Independent rows, and the `rest`, whose unit rows have these `weights` of unit independent rows."""
 
     independent: tuple[int, ...]
     rest: tuple[int, ...]
@@ -73,11 +72,8 @@ class Dependence:
 
 
 def dependence(rows: MetricRows, count: int, holonomic: int = 0) -> Dependence:
-    """The dependence of rows of which `count` are independent; those are chosen far from dependent ones.
-
-    holonomic: how many rows, the first, are holonomic. As many of them as are independent come first: a differential
-    row in place of one of them would not keep its coordinates.
-    """
+    """The dependence of rows of which `count` are independent; those are chosen far from dependent ones, and first
+    among the first, `holonomic` ones: a differential row in place of one of them would not keep its coordinates."""
     if count == rows.count:
         return Dependence(tuple(range(count)), (), ())
     first: list[int] = []

@@ -224,8 +224,7 @@ def nearby(at: Callable[[Point], E | None], x: Point) -> Point | None:
 
 
 def nearby_all(at: Values, points: Floats, size: float) -> tuple[Floats, Floats]:
-    """Points (..., n) moved onto m surfaces by Newton's steps, nan where they do not come there; and the gradients
-    there (..., m, n). size: of what the points are spread over."""
+    """Points (..., n), spread over a size, on m surfaces by Newton's steps, else nan; and the gradients (..., m, n)."""
     for _ in range(PARAMETERS.newton_steps):
         f, B = at(points)
         lengths = np.linalg.norm(B, axis=-1)
@@ -244,11 +243,9 @@ def nearby_all(at: Values, points: Floats, size: float) -> tuple[Floats, Floats]
 
 
 def descend(at: Callable[[Floats], D | None], x: Floats, to_the_end: bool = False) -> tuple[Floats, D | None]:
-    """A point of the surface from far, or else one where the sum of squares is locally least, and the equations there.
-
-    Gauss-Newton steps, damped as by Levenberg and Marquardt where they do not lead down. to_the_end: small steps do not
-    end it, and what is given is its last point.
-    """
+    """A point of the surface from far, or else one where the sum of squares is locally least, and the equations there:
+    by Gauss-Newton steps, damped as by Levenberg and Marquardt. to_the_end: small steps do not end it, its last point
+    is given."""
     damping, passed = 0.0, math.inf
     here = at(x)
     best = x, here

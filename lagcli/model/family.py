@@ -15,8 +15,7 @@ Indices = tuple[int, ...]
 
 @frozen
 class Family:
-    """The K members of an entry: `names` (`p[1][2]`, or the bare name of what is no family), their `indices`, and
-    the value of each index variable at each member, (K,)."""
+    """The K members of an entry: `names` (`p[1][2]`, or a bare name), `indices`, and index variables, (K,) each."""
 
     base: str
     names: tuple[str, ...]

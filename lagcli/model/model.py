@@ -79,8 +79,7 @@ class Parameter:
 
 @frozen
 class Coordinate:
-    """Generalized coordinates q with their initial values and initial rates, (K,) each; `written` is what the values
-    were computed from, as they were declared."""
+    """Generalized coordinates with initial values and rates, (K,) each; `written`: what they were computed from."""
 
     members: Family
     value: Floats

@@ -181,8 +181,7 @@ def faults(settings: Simulation) -> Iterator[tuple[str, str]]:
 
 
 def _step_fault(settings: Simulation, step: float, most: float, sentences: tuple[str, str, str]) -> str:
-    """The sentence for a step that is not positive and finite, one that makes too many, or one below the rounding of
-    the time; empty where there is no fault."""
+    """The sentence for a step that is not positive and finite, makes too many, or is lost in the time; else empty."""
     if not (math.isfinite(step) and step > 0):
         return sentences[0]
     if settings.duration / step > most:

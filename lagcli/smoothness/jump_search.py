@@ -118,8 +118,7 @@ def starts(state: StateValues, p: Floats) -> Starts:
 
 
 class Local:
-    """A column of t, q, v and p as a function of those coordinates, `moving`, and rates that stand in it; with_slopes:
-    it is a scalar, and its gradient by these coordinates follows."""
+    """A column as a function of t, coordinates, `moving`, rates and p; with_slopes: and its gradient by them."""
 
     def __init__(self, value: ca.SX, inputs: list[ca.SX], with_slopes: bool = False) -> None:
         t, q, v, p = inputs
@@ -141,8 +140,7 @@ def spread(count: int) -> Integers:
 def word(
     value: ca.SX, inputs: list[ca.SX], near: tuple[StateValues, Floats], without: Collection[str] = ()
 ) -> str | None:
-    """The function by which a value (1, 1) is found to jump across a switch near a state with its p, or None. SWITCHES
-    of each word, some of every shape, stand for all of a sum."""
+    """The function by which a value (1, 1) is found to jump across a switch near a state with its p, or None."""
     found = [each for each in switches(value, inputs) if each.word not in without]
     if not found:
         return None

@@ -1,6 +1,5 @@
 """The functions of t alone in a model: where it switches, and what may rise and fall within a step. An explicit scheme
-sees forces at its stages only: a step that grew while nothing moved may lead over a pulse. What depends on t and
-parameters alone is known before the run."""
+sees forces at its stages only: a step that grew while nothing moved may lead over a pulse."""
 
 from __future__ import annotations
 
@@ -236,8 +235,7 @@ class _TimeAlgebra(ModelAlgebra[_Value]):
         return evaluate.each(lambda part: _MOTION_AND_TIME if part.is_timed else _MOTION, value)
 
     def operation(self, node: tree.Node, name: str, *parts: _Value) -> _Value:
-        """An operation, with what it switches at: a quotient may jump from one infinity to the other; a power that is
-        not whole has a kink at zero, one below zero a pole."""
+        """An operation, with what it switches at, as a divisor or the base of a power that is not whole."""
         record, row = self.record, language.TABLE.get(name)
         if name == "div":
             record.switch(parts[1])
