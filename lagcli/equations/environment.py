@@ -72,7 +72,7 @@ def column(value: ca.SX, count: int) -> ca.SX:
 
 
 def interleaved(parts: Sequence[ca.SX], count: int | None = None) -> ca.SX:
-    """Columns x, y, z (or one) of K members as x1, y1, z1, x2, ..., in the order of rows. count: K, of scalars too."""
+    """Columns x, y, z (or one) of K members as x1, y1, z1, x2, ...; count: K, asked for where they may be scalars."""
     count = parts[0].numel() if count is None else count
     if len(parts) == 1:
         return column(parts[0], count)
