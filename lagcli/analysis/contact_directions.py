@@ -60,9 +60,9 @@ class Direction:
 class ContactDirections:
     """The directions that contacts leave at an instant.
 
-    directions: a basis of the free ones, then the one-sided and the blocked ones; None where a contact tells none.
-    allowed (n,): the shortest displacement over dt = 1; None where there is none, or where a contact tells none.
-    notes: why, and which contacts are violated.
+    directions: a basis of the free ones, then the one-sided and the blocked ones; allowed (n,): the shortest
+    displacement over dt = 1; None where there is none, or a contact tells none. notes: why, and which contacts are
+    violated.
     """
 
     contacts: tuple[ContactCondition, ...]

@@ -2,11 +2,8 @@
 to D.21).
 
 Components are numbered, x_n with n = 3(k - 1) + j for the axis j of particle k, and generalized coordinates after them.
-As many as the rank are dependent, those that the rows are solved for best; the others are independent, and
-
-    dx_dependent = T dx_independent + tau dt
-
-tells all allowed displacements, with dt = 0 the virtual ones.
+As many as the rank are dependent, those that the rows are solved for best; all allowed displacements are
+dx_dependent = T dx_independent + tau dt, and with dt = 0 the virtual ones.
 """
 
 from __future__ import annotations
@@ -45,9 +42,9 @@ class Bases:
     """Displacements dq with B dq + b dt = 0.
 
     virtual (n, n - rank): a basis for dt = 0, orthonormal in the mass metric, dq^T M dq = 1, or plainly, dq^T dq = 1,
-    where some coordinates have no inertia (`metric`). allowed (n,): the shortest allowed displacement for dt = 1;
-    adding any virtual one gives all of them. residual, allowed_residual: the largest |B_i dq| and |B_i dq + b_i| of
-    them, for rows of length one and displacements of length one, or the size of b_i. rows: C.
+    where some coordinates have no inertia (`metric`). allowed (n,): the shortest one for dt = 1. residual,
+    allowed_residual: the largest |B_i dq| and |B_i dq + b_i| of them, for rows of length one and displacements of
+    length one, or the size of b_i. rows: C.
     """
 
     rows: int

@@ -1,10 +1,8 @@
 """The independent rows that a run is stepped with, and the multipliers that are unique.
 
 Where the rank of the rows is the codimension of the constraint surface, motion and R are unique whichever independent
-rows are taken. Where it is below, no finite multipliers give the true motion, and there is no run.
-
-lambda_i is unique if and only if no null vector of B^T has a weight on row i (D.13-D.22): asked at generic points, as a
-weight may vanish at the start, and rows may be dependent there alone.
+rows are taken; where it is below, no finite multipliers give the true motion. lambda_i is unique exactly where no null
+vector of B^T has a weight on row i (D.13-D.22): asked at generic points, as a weight may vanish at the start.
 """
 
 from __future__ import annotations

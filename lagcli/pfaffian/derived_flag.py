@@ -1,15 +1,11 @@
 """The derived flag I > I' > I'' > ... of a Pfaffian system, exactly (E. Cartan; Bryant et al., Exterior Differential
-Systems, ch. II).
-
-I' = {theta in I: d theta = 0 modulo I}. With the forms solved for pivot differentials,
+Systems, ch. II). I' = {theta in I: d theta = 0 modulo I}; with forms solved for pivot differentials,
 
     theta_i = dx_i + sum_j a_ij dx_j,    X_j = d/dx_j - sum_i a_ij d/dx_i    (j free),
 
-d theta_i(X_j, X_k) = X_j(a_ik) - X_k(a_ij), and the combinations c_i theta_i whose values all vanish are I'. The
-flag ends in I^(oo), the integrable part (Frobenius). The growth vector counts the brackets the other way round: the
-dimensions of D, D + [D, D], ... with one factor always from D = ker I.
-
-On a surface f = 0 the forms df are rows too, and an entry counts as zero where the ideal of the f holds it.
+d theta_i(X_j, X_k) = X_j(a_ik) - X_k(a_ij), and I' are the combinations whose values all vanish. The flag ends in the
+integrable part I^(oo) (Frobenius). The growth vector counts the dimensions of D, D + [D, D], ..., D = ker I. On a
+surface f = 0 the forms df are rows too, and zero is what the ideal of the f holds.
 """
 
 from __future__ import annotations
@@ -49,12 +45,12 @@ class Demand:
 class Flag:
     """The flag beyond the df of the surface.
 
-    dims: dim I^(k) less those of the df, to the one that stays; growth: by how much each term of D, D + [D, D], ...
-    exceeds D, from 0; inside: whether each row lies in I^(oo); integrable: a basis of I^(oo) beyond the df, solved for
-    pivots (dims[-1], n); contradiction: rows of which a combination is a multiple of dt; special: expressions at whose
-    zeros I' is larger; is_exact, divisors: of `function_field.FunctionField`; exceptional: expressions of the
-    parameters at whose zeros the flag may be another; vanishing: rows that vanish identically; holonomic_rank: of the
-    df; conditions: of combinations of rows that are g dt.
+    dims: dim I^(k), to the one that stays; growth: by how much each term of D, D + [D, D], ... exceeds D, from 0;
+    inside: whether each row lies in I^(oo); integrable: a basis of I^(oo), solved for pivots (dims[-1], n);
+    contradiction: rows of which a combination is a multiple of dt; special: expressions at whose zeros I' is larger;
+    is_exact, divisors: of `function_field.FunctionField`; exceptional: expressions of the parameters at whose zeros the
+    flag may be another; vanishing: rows that vanish identically; holonomic_rank: of the df; conditions: of combinations
+    of rows that are g dt.
     """
 
     dims: tuple[int, ...]

@@ -31,7 +31,7 @@ def eliminated(
     block: forms.PfaffianBlock, parameters: Mapping[sympy.Symbol, sympy.Expr] | None = None
 ) -> tuple[forms.PfaffianBlock, Substitutions]:
     """The block on the graph of every f of the surface that is linear in a coordinate other than time, with a constant
-    coefficient, and the values of the coordinates that are gone. Of the other f those stay that do not vanish there."""
+    coefficient, and the values of the coordinates that are gone. The other f stay where they do not vanish there."""
     pending: dict[int, sympy.Expr] = dict(enumerate(block.surface))
     indices = {x: n for n, x in enumerate(block.variables)}
     holding: dict[sympy.Symbol, set[int]] = {}

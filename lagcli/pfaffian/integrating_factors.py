@@ -1,10 +1,9 @@
 """Integrals of an integrable form "by some hook or crook" (D.3): one strategy after the other, each result verified.
 
-A strategy proposes a first integral phi or an integrating factor mu; phi counts only when mu omega = d phi is proved
-for mu = phi_k/A_k. Most proposals have unknown constants, from linear equations d phi ^ omega = 0 or d(mu omega) = 0.
-For an integrable omega the components (i, k) with one fixed k, A_k != 0, are enough: a 2-form eta with omega ^ eta = 0
-is beta ^ omega, with beta_k = 0. The factors of the coefficients are the natural Darboux polynomials (G. Darboux, Bull.
-Sci. Math. 2, 1878); 1/V with V d omega = dV ^ omega is the inverse integrating factor.
+A strategy proposes a first integral phi or an integrating factor mu, mostly with constants from linear equations
+d phi ^ omega = 0 or d(mu omega) = 0, of which the components (i, k) with one A_k != 0 are enough for an integrable
+omega. Factors of the coefficients are the natural Darboux polynomials (G. Darboux, Bull. Sci. Math. 2, 1878); 1/V with
+V d omega = dV ^ omega is the inverse integrating factor.
 """
 
 import math
@@ -51,13 +50,13 @@ def search(form: forms.Form, deadline: float) -> FactorResult | None:
     tried: set[sympy.Expr] = set()
     for strategy, how in _STRATEGIES:
         hints = _attempt(partial(lambda of: list(of(slim, parts)), strategy), deadline) or []
-        for hint in sorted(hints, key=lambda h: h.is_factor):  # quadratures are the slow part
-            phi: sympy.Expr | None = hint.proposal
-            if hint.is_factor:
-                if hint.proposal in tried:
+        for proposal, is_factor in sorted(hints, key=lambda h: h[1]):  # quadratures are the slow part
+            phi: sympy.Expr | None = proposal
+            if is_factor:
+                if proposal in tried:
                     continue
-                tried.add(hint.proposal)
-                phi = _attempt(partial(_closed, slim, hint.proposal), deadline)
+                tried.add(proposal)
+                phi = _attempt(partial(_closed, slim, proposal), deadline)
             found = None
             if phi is not None:
                 found = _attempt(partial(_accepted, form, phi, how, deadline), deadline, PROOF)
@@ -187,23 +186,14 @@ def _pieces(form: forms.Form, below: Sequence[sympy.Expr]) -> Pieces:
     return Pieces(tuple(factors[:MAX_FACTORS]), tuple(dict.fromkeys(summands)))
 
 
-# The strategies: each takes the primitive form and the pieces of its coefficients and yields hints.
-
-
-@dataclass(frozen=True, slots=True)
-class Hint:
-    """A proposal for phi, or for mu."""
-
-    proposal: sympy.Expr
-    is_factor: bool = True
-
-
-Hints = Iterator[Hint]
+# The strategies: each takes the primitive form and the pieces of its coefficients and yields hints: a proposal, and
+# whether it is one for mu and not for phi.
+Hints = Iterator[tuple[sympy.Expr, bool]]
 Strategy = Callable[[forms.Form, Pieces], Hints]
 
 
 def _without_common_factor(form: forms.Form, parts: Pieces) -> Hints:
-    yield Hint(sympy.Integer(1))
+    yield sympy.Integer(1), True
 
 
 def _products(form: forms.Form, parts: Pieces) -> Hints:
@@ -215,7 +205,7 @@ def _products(form: forms.Form, parts: Pieces) -> Hints:
         found.append(sum(terms, sympy.Integer(0)))
     found = [p for p in found if p.free_symbols]
     for phi in sorted(found, key=lambda p: (p.count_ops(), str(p)))[:4]:
-        yield Hint(phi, is_factor=False)
+        yield phi, False
 
 
 def _minors(form: forms.Form, parts: Pieces) -> list[list[sympy.Expr]]:
@@ -232,7 +222,7 @@ def _product_factor(form: forms.Form, parts: Pieces) -> Hints:
     columns.append([form.curl(i, k) for i in range(len(form.variables)) if i != k])
     for v in constant_combinations.null_vectors(columns, frozenset(form.parameters)):
         if v[-1] != 0:
-            yield Hint(parts.exponential([guarded.cancel(c / v[-1]) for c in v[:-1]]))
+            yield parts.exponential([guarded.cancel(c / v[-1]) for c in v[:-1]]), True
             return
 
 
@@ -266,7 +256,7 @@ def _one_variable(form: forms.Form, parts: Pieces) -> Hints:
             if logarithm is not None:
                 powers = sympy.exp(guarded.expand(logarithm))
                 growth = guarded.powsimp(guarded.expand_log(powers, force=True))
-                yield Hint(parts.exponential(constants[:-1]) * growth)
+                yield parts.exponential(constants[:-1]) * growth, True
                 break
 
 
@@ -314,7 +304,7 @@ def _one_combination(form: forms.Form, parts: Pieces) -> Hints:
             growth = potential.antiderivative(rate, letter)
             if growth is not None:
                 mu = guarded.powsimp(sympy.exp(guarded.expand_log(growth, force=True)))
-                yield Hint(guarded.subs(mu, letter, u))
+                yield guarded.subs(mu, letter, u), True
 
 
 def _inverse_polynomial(form: forms.Form, parts: Pieces) -> Hints:
@@ -345,9 +335,9 @@ def _inverse_polynomial(form: forms.Form, parts: Pieces) -> Hints:
         varying = [p for p in dict.fromkeys(surfaces) if p.free_symbols & set(x)]
         if varying:
             yield from _products(form, Pieces(tuple(varying), x))
-            yield from (Hint(1 / guarded.factor(v)) for v in found[:2])
+            yield from ((1 / guarded.factor(v), True) for v in found[:2])
         if len(found) > 1:
-            yield Hint(tidy_integral.ratio(found[0], found[1]), is_factor=False)
+            yield tidy_integral.ratio(found[0], found[1]), False
             return
 
 

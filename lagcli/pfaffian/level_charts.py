@@ -1,12 +1,9 @@
 """A first integral phi -> charts in which its level surfaces are enforced: quotients without poles and jumps.
 
 phi = const is above * below(0) - below * above(0) = 0 for every quotient above/below that is phi or a monotone function
-of it: a pole of phi is none of the chart, and roots, logarithms and angles are removed by functions of phi:
-
-    product of powers        the exponents as integers without common divisor, positive ones above
-    sums with logarithms     exp(phi)
-    a multiple of an angle   tan(phi): with angles of (x_i, y_i), the imaginary over the real part of
-                             prod (x_i + i y_i)^n_i exp(i u)
+of it. A pole of phi is none of the chart; roots, logarithms and angles are removed by functions of phi: of a product of
+powers one with coprime integers, positive ones above, as exponents; of sums with logarithms exp(phi); of a multiple of
+an angle tan(phi): with angles of (x_i, y_i), the imaginary over the real part of prod (x_i + i y_i)^n_i exp(i u).
 """
 
 from __future__ import annotations

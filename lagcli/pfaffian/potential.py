@@ -1,8 +1,8 @@
 """The potential of an exact form by integrating along the coordinate axes, one coordinate after the other.
 
-Two substitutions make an integrand rational: tan u for sines and cosines, and Euler's for square roots (Institutionum
-calculi integralis I, 1768, ch. II): with Q = a x**2 + b x + c a rational function of x and sqrt(Q) becomes one of t by
-sqrt(Q) = t + sqrt(a) x, by sqrt(Q) = x t + sqrt(c), or where c = 0 by sqrt(Q) = x t.
+Integrands are made rational: by tan u for sines and cosines, and for square roots of Q = a x**2 + b x + c by Euler's
+substitutions (Institutionum calculi integralis I, 1768, ch. II), sqrt(Q) = t + sqrt(a) x or x t + sqrt(c), or x t for
+c = 0.
 """
 
 from collections.abc import Callable, Iterator

@@ -1,9 +1,8 @@
 """Points in the symbols of a block: what vanishes on all of them, equations that say so, and what motions keep to.
 
-A start is known to 50 digits: it is decimals and expressions, or was moved onto the surface so. An expression vanishes
-there where these leave nothing of it. Other points are those that motions were followed to, in doubles; that what
-vanishes there but for rounding is zero has to be proved. Each value goes with the sum of what it would change by if
-every coordinate and every intermediate result changed by its own size; one far below that is what cancellation leaves.
+A start is known to 50 digits: an expression vanishes there where these leave nothing of it. Other points are those that
+motions were followed to, in doubles: what vanishes there but for rounding has to be proved. Each value goes with the
+sum of what it would change by if every coordinate and every intermediate result changed by its own size.
 
 A motion along the fields X of D = ker I keeps to a place e = 0 where e and all its derivatives X(e), X(Y(e)), ...
 vanish at the start: rows are analytic. On e = 0 the X(e) may vanish identically, and then it is kept; one that does not

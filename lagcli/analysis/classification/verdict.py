@@ -53,16 +53,15 @@ class HiddenConditionsError(Exception):
 class JointVerdict:
     """The derived flag of coupled differential rows, beyond the df of the holonomic rows they meet.
 
-    flag: dim I, I', I'', ... without the df, to the one that stays; empty where it is not decided, and then
-    `reason` says why. growth: by how much D, D + [D, D], ... exceed D = ker I.
-    inside: the rows that lie in the integrable part I^(oo). integrals: functions whose differentials span it as
-    far as they were found; `unsolved` says in words which of its forms have none. remarks: where the flag drops and
-    for which parameters; notes: what of that concerns this very start and these parameters. vanishing: rows that
-    vanish identically where the holonomic rows hold. holonomic_rank: that of the holonomic rows they meet, where it is
-    proved exactly. passing: integrals that hold on the set alone that the motions from the start keep to. may_demand:
-    the flag is not decided, and the rows demand holonomic conditions that are not known, or may do so. lost: rows that
-    vanish at the start, to all digits, and not everywhere. following: where exact algebra and digits tell another rank
-    of the rows than doubles, those that follow from rows before them.
+    flag: dim I, I', I'', ..., to the one that stays; empty where it is not decided, and then `reason` says why. growth:
+    by how much D, D + [D, D], ... exceed D = ker I. inside: the rows that lie in the integrable part I^(oo). integrals:
+    functions whose differentials span it as far as they were found; `unsolved`: those of its forms that have none.
+    remarks: where the flag drops and for which parameters; notes: what of that concerns this very start and these
+    parameters. vanishing: rows that vanish identically where the holonomic rows hold. holonomic_rank: that of the
+    holonomic rows they meet, where it is proved exactly. passing: integrals that hold on the set alone that the motions
+    from the start keep to. may_demand: the flag is not decided, and the rows demand holonomic conditions that are not
+    known, or may do so. lost: rows that vanish at the start, to all digits, and not everywhere. following: where exact
+    algebra and digits tell another rank of the rows than doubles, those that follow from rows before them.
     """
 
     rows: tuple[str, ...]

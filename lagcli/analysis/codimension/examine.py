@@ -41,9 +41,8 @@ class Codimension:
     """The rank of the holonomic rows at a state, and the codimension of their surface around it, None if unproved.
 
     kind, the last of these where sets of rows are of several kinds: `independent` and `redundant` rows, of which the
-    rank is the codimension; `singular`: the rank is lower at the state than on the surface nearby, which has that
-    codimension; `deficient`: it is below the codimension on the surface around the state, and the multiplier rule
-    fails; `undecided`, with the `reason`.
+    rank is the codimension; `singular`: the rank is lower at the state than on the surface nearby; `deficient`: it is
+    below the codimension around the state, and the multiplier rule fails; `undecided`, with the `reason`.
     rows: those of the sets of this kind that depend on one another. coordinates: those of all rows around them.
     follow: rows proved to follow from the others. notes: sentences on sets whose rank is below their codimension.
     """

@@ -2,14 +2,13 @@
 
 A stress is a combination omega of rows with omega B = 0. On f = 0, omega . f = 0 says of a direction u in which
 the surface can be left that u^T H u = 0, with H = sum omega_i Hess f_i on ker B: where H is positive semidefinite,
-u lies in its kernel K. So the dimension is at most dim K.
-
-It is that if a manifold Y with tangent K lies in f = 0 and the stress goes on along it. The deflated system
+u lies in its kernel K, and the dimension is at most dim K. It is that if a manifold Y with tangent K lies in f = 0 and
+the stress goes on along it. The deflated system
 
     G(q, w) = (f(q), B(q)^T w, W^T (w - omega)) = 0,    W (s, s - r) all stresses at the point,
 
-holds both, and its derivatives at the point have a kernel that is K in q and nothing in w. Where all of G vanishes
-on what independent ones of its equations cut out (`manifold`), that is Y. Then f = 0 is Y near the point: at y of Y,
+holds both, and its derivatives have a kernel that is K in q and nothing in w. Where all of G vanishes on what
+independent ones of its equations cut out (`manifold`), that is Y, and f = 0 is Y near the point: at y of Y,
 omega(y) . f(y + u) + c |f(y + u)|^2 is positive for small u across Y and c large, and zero where f is.
 """
 

@@ -1,7 +1,6 @@
-"""Paths that satisfy all rows, A dz = 0, integrated for many controls at once.
-
-A path is a chain of segments, each with a constant control u (m,) over s from 0 to 1: dz/ds = X(z) u with the columns
-of X (k + 1, m) in the kernel of A, by the scheme of the integrator (DOP853) at fixed steps of two lengths.
+"""Paths that satisfy all rows, A dz = 0, integrated for many controls at once: chains of segments, each with a constant
+control u (m,) over s from 0 to 1, dz/ds = X(z) u with the columns of X (k + 1, m) in the kernel of A, by the scheme of
+the integrator (DOP853) at fixed steps.
 
 The directions that paths through a point can reach are the tangent space of its orbit. Fields carried to the point by
 flows span it (H. J. Sussmann, Trans. AMS 180 (1973) 171): for random paths w the vectors d/de w^-1(w(z) + e X). A row

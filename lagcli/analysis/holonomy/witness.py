@@ -1,10 +1,9 @@
 """The proof a teacher would draw that a row is not integrable: the simplest of the words of moves that close, as they
 are or for other lengths, integrated again and verified.
 
-The row `omega` of the system is nonholonomic where it does not vanish on the orbit: let tau be the direction of
-the orbit in which a coordinate moves and all that is free besides does not. If omega were integrable, some phi
-with d phi = mu omega on the allowed displacements would stay constant on every path, while omega(tau) != 0 makes
-it move along tau. So one loop with an amount beyond its error is the proof.
+Let tau be the direction of the orbit in which a coordinate moves and all that is free besides does not. If omega were
+integrable, some phi with d phi = mu omega on the allowed displacements would stay constant on every path, while
+omega(tau) != 0 makes it move along tau. So one loop with an amount beyond its error is the proof.
 """
 
 from __future__ import annotations
@@ -38,11 +37,11 @@ class Witness:
     """`coordinate` has moved by `amount`, known to `error`, and `back` have come back.
 
     One path is a closed loop with t fixed; of two the second is the one on which the coordinates rest, and the amount
-    is the difference of their ends. `follow` are coordinates that constraints tie to the one that moved.
-    `row_residual`: the largest |A dz| / (|A| |dz|) along the paths, `surface_residual` the largest |f|, `closure` the
-    largest distance of a coordinate in `back` from where it should be. Each move changes one of `free`; a path of any
-    shape has none. `is_shifted`: the base is not the declared start; `is_bent`: nor is the `configuration` (n,) of the
-    whole system, of which what is not in `names` rests. `holds_time`: the rows depend on t, which a closed loop holds.
+    is the difference of their ends. `follow`: coordinates that constraints tie to the one that moved. `row_residual`:
+    the largest |A dz| / (|A| |dz|) along the paths, `surface_residual` the largest |f|, `closure` the largest distance
+    of a coordinate in `back` from where it should be. Each move changes one of `free`; a path of any shape has none.
+    `is_shifted`: the base is not the declared start; `is_bent`: nor is the `configuration` (n,) of the whole system, of
+    which what is not in `names` rests. `holds_time`: the rows depend on t, which a closed loop holds.
     """
 
     row: str

@@ -1,9 +1,8 @@
 """Linear systems over the constants: which constant combinations of given columns of functions vanish identically.
 
-The values of all columns at random points show which may take part, to rounding. These go into an exact system, one
-equation for each monomial. Its constants are rational functions of the parameters, whose elimination swells, so it is
-solved first in a finite field, with random numbers for the parameters; then the few columns a solution needs are solved
-exactly, and every row is tested with it.
+Values at random points show which columns may take part. These go into an exact system, one equation for each monomial,
+over rational functions of the parameters, whose elimination swells: it is solved first in a finite field, with random
+numbers for the parameters; then the few columns a solution needs are solved exactly, and tested with every row.
 """
 
 import random

@@ -1,9 +1,6 @@
-"""Rigorous numbers: an interval that certainly holds the value of an expression at a rational point.
-
-The interval arithmetic (mpmath, 50 digits, rounded outward) carries its own error bound: an interval without zero is a
-proof that the expression is not identically zero. On the surface of holonomic constraints points are found to many
-digits: where an expression is not zero at one of them it does not vanish on the surface.
-"""
+"""Rigorous numbers: an interval (mpmath, 50 digits, rounded outward) that certainly holds the value of an expression at
+a rational point. One without zero is a proof that the expression is not identically zero; so is one at a point of a
+surface, found to many digits, that it does not vanish there."""
 
 from __future__ import annotations
 
@@ -211,7 +208,7 @@ def nearest(
     begin: Point, origin: Point, surface: Sequence[sympy.Expr], inertia: Sequence[Sequence[Fraction]]
 ) -> Point | None:
     """The point of a surface nearest to `origin` in the metric of an inertia (n, n), from a point close to it; None
-    where rows depend on others there. The points hold the symbols that may move; the inertia begins with them."""
+    where rows depend on others there. The points hold the symbols that may move, with which the inertia begins."""
     gradients, n = [[forms.partial(f, x) for x in begin] for f in surface], len(begin)
     with mpmath.workdps(DIGITS):
         try:

@@ -1,8 +1,8 @@
 """SymPy's algorithms, with whatever they fail with as one exception: `SympyFailure`.
 
-They give up on input with exceptions of their own, and break down on some with a bare TypeError or the like from deep
-inside. Such a failure is told from a slip of ours by the line where it was raised, in a file of SymPy or mpmath: a
-wrong call, or a slip in a function of ours that SymPy calls back, passes as it is.
+They give up on input with exceptions of their own, and break down on some with a bare TypeError or the like. A failure
+is told from a slip of ours by the line where it was raised, in a file of SymPy or mpmath: a wrong call, or a slip in a
+function of ours that SymPy calls back, passes as it is.
 """
 
 import sys

@@ -5,10 +5,10 @@ Generators are the symbols, sin b and cos b with cos^2 b = 1 - sin^2 b, exp b, q
 occur are integer combinations of the arguments b. The relations are a Groebner basis (their leading terms are powers of
 different generators): an expression vanishes identically where its numerator leaves no remainder by them.
 
-The converse holds where the generators are algebraically independent up to the relations (`NormalForm.independent`). By
-the theorem of Ax (J. Ax, On Schanuel's conjectures, Ann. Math. 93, 1971) exp u_j, sin and cos of v_j and log w_j are so
-where u_j and i v_j are linearly independent over the rationals modulo constants and the w_j are multiplicatively so;
-counted are the arguments for which this is evident: distinct monomials, and distinct irreducible w_j.
+The converse holds where the generators are algebraically independent up to the relations (`NormalForm.independent`), as
+exp u_j, sin and cos of v_j and log w_j are where u_j and i v_j are linearly independent over the rationals modulo
+constants and the w_j multiplicatively so (J. Ax, On Schanuel's conjectures, Ann. Math. 93, 1971). Counted are
+arguments for which this is evident: distinct monomials, and distinct irreducible w_j.
 """
 
 from collections.abc import Iterable, Sequence

@@ -2,12 +2,12 @@
 
 A verdict must not depend on the machine: what a search may cost is a budget of operations, and so is the limit of all
 of them, unless `--limit` gives it in seconds of the processor. An operation is the making of a sum, product, power,
-function or whole number: SymPy's memory of them counts how often it is asked. Searches for integrals make 20 000 to
-70 000 in a second of a processor of 2023. Arithmetic of polynomials and of intervals makes few.
+function or whole number: SymPy's memory of them counts how often it is asked. Searches make 20 000 to 70 000 in a
+second of a processor of 2023; arithmetic of polynomials and of intervals makes few.
 
 SymPy may run for ever on small input. Signals work only in the main thread of a POSIX process, and another process has
-to import SymPy again (half a second). So the work is done in a daemon thread, and a thread that is late is ended by
-raising an exception inside it (`PyThreadState_SetAsyncExc` of CPython), which SymPy meets at its next bytecode.
+to import SymPy again. So the work is done in a daemon thread, which is ended by an exception raised inside it
+(`PyThreadState_SetAsyncExc` of CPython), which SymPy meets at its next bytecode.
 """
 
 import ctypes
