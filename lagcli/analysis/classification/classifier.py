@@ -23,7 +23,7 @@ from lagcli.analysis.classification.verdict import (
 )
 from lagcli.analysis.numeric_flag import NumericFlag
 from lagcli.model.invariant import FirstIntegral
-from lagcli.pfaffian import frobenius, function_field, joint, translate
+from lagcli.pfaffian import frobenius, function_field, joint, special_points, translate
 from lagcli.pfaffian.exact import time_limit, zero_test
 from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.form import Form, PfaffianBlock
@@ -212,7 +212,7 @@ class Classifier:
             f"the start lies beside {notation.written(e)} = 0 and not on it: it is judged as it is written, to 40"
             " digits; on it the derived flag is different"
             for e in found.special
-            if notation.written(e) in special and self._locality.is_beside(e)
+            if notation.written(e) in special and special_points.beside(e, self._locality.start.point)
         ]
         return JointVerdict(
             names,

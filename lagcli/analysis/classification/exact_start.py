@@ -37,13 +37,35 @@ class ExactStart:
         self._case, self._group, self._block, self._translation = case, group, block, translation
         self._names = case.system.model.coordinate_names
         self._numbers = {name: k for k, name in enumerate(self._names)}
-        self._sizes: dict[Symbol, float] = {}
+        self._declared = initial.declared(case.system)
 
     @cached_property
     def point(self) -> special_points.SpecialPoint:
         """The start; without digits where its rows have none, as at a singular point of theirs."""
-        found, digits = self.doubles(self._case.begin), self._digits
-        return dataclasses.replace(found, digits=digits, sizes=self._sizes if digits is not None else {})
+        begin, size = self._case.begin, initial.size(self._case.begin.q)
+        constants = {**self._translation.values, notation.TIME: notation.exact(begin.t)}
+        known = {x: enclosure.fraction(value) for x, value in constants.items()}
+        moving = [x for x in self._block.variables if x != notation.TIME]
+        origin = {}
+        for x in moving:  # what was written, or where that was changed the decimal of its double
+            value, double = self._translation.written(x), float(self._declared.q[self._numbers[x.name]])
+            number = float(value) if value is not None and value.is_comparable else None
+            if number is None or abs(number - double) > ROUNDING * max(1.0, abs(number)):
+                value = notation.exact(double)
+            origin[x] = enclosure.fraction(value)
+        here = dict(origin)
+        for x in moving:
+            k = self._numbers[x.name]
+            if abs(begin.q[k] - self._declared.q[k]) > doubles.ZERO * size:
+                here[x] = Fraction(repr(float(begin.q[k])))
+        there = dataclasses.replace(self.doubles(begin), digits={**known, **here})
+        if all(special_points.is_nothing(f, [there]) for f in self._block.surface):
+            return there
+        on = self._on_surface(here, origin, constants)
+        if on is None:
+            return self.doubles(begin)
+        sizes = {x: size for x, value in on.items() if value != origin[x]}
+        return dataclasses.replace(there, digits={**known, **here, **on}, sizes=sizes)
 
     def doubles(self, state: State) -> special_points.SpecialPoint:
         """A state in symbols, in doubles alone."""
@@ -67,38 +89,6 @@ class ExactStart:
         own = [e for e in factors if special_points.vanishes(e, [self.point])]
         own = own or [e for e in factors if special_points.beside(e, self.point)]
         return own[0] if len(own) == 1 else special_points.product(factors)
-
-    @cached_property
-    def _declared(self) -> State:
-        return initial.declared(self._case.system)
-
-    @cached_property
-    def _digits(self) -> Digits | None:
-        """The values of all symbols of the group."""
-        begin, size = self._case.begin, initial.size(self._case.begin.q)
-        constants = {**self._translation.values, notation.TIME: notation.exact(begin.t)}
-        known = {x: enclosure.fraction(value) for x, value in constants.items()}
-        moving = [x for x in self._block.variables if x != notation.TIME]
-        origin = {}
-        for x in moving:  # what was written, or where that was changed the decimal of its double
-            value, double = self._translation.written(x), float(self._declared.q[self._numbers[x.name]])
-            number = float(value) if value is not None and value.is_comparable else None
-            if number is None or abs(number - double) > ROUNDING * max(1.0, abs(number)):
-                value = notation.exact(double)
-            origin[x] = enclosure.fraction(value)
-        here = dict(origin)
-        for x in moving:
-            k = self._numbers[x.name]
-            if abs(begin.q[k] - self._declared.q[k]) > doubles.ZERO * size:
-                here[x] = Fraction(repr(float(begin.q[k])))
-        there = dataclasses.replace(self.doubles(begin), digits={**known, **here})
-        if all(special_points.is_nothing(f, [there]) for f in self._block.surface):
-            return {**known, **here}
-        on = self._on_surface(here, origin, constants)
-        if on is None:
-            return None
-        self._sizes = {x: size for x, value in on.items() if value != origin[x]}
-        return {**known, **here, **on}
 
     def _on_surface(
         self, here: Digits, origin: Digits, constants: Mapping[Symbol, Expression]

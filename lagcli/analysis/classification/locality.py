@@ -246,9 +246,7 @@ class Locality:
         ]
         solved = None
         if flag.dims[-1]:
-            solved = self._asked(
-                lambda: joint.solution(settled.flagged, of_rows, self._deadline), time_limit.NO_ANSWER
-            )
+            solved = self._asked(lambda: joint.solution(settled.flagged, of_rows, self._deadline))
         passing = () if solved is None else solved.integrals
         return self.with_passing(together, block, settled.equations, passing, settled.vanishing)
 
@@ -289,7 +287,7 @@ class Locality:
         def work() -> list[Expression]:
             return special_points.distinct(special_points.of(vanishing, [self.start.point]))
 
-        own = self._asked(work, time_limit.NO_ANSWER)
+        own = self._asked(work)
         return None if None in vanishing else own or None
 
     def is_at_start(self, expression: Expression) -> bool:
@@ -305,10 +303,6 @@ class Locality:
             if name in found and any(a.free_symbols & set(block.variables) - {TIME} for a in row)
         )
 
-    def is_beside(self, expression: Expression) -> bool:
-        """True if an expression that is not zero at the start is so near to zero that doubles cannot tell."""
-        return special_points.beside(expression, self.start.point)
-
     def of_motions(
         self,
         together: JointVerdict,
@@ -322,7 +316,7 @@ class Locality:
         sheets: list[Expression] = []
         if numbers.on_piece or numbers.extra[-1]:
             # The factors that vanish along the motions, of holonomic rows that have others.
-            found = self._asked(lambda: special_points.sheets(block, points), time_limit.NO_ANSWER)
+            found = self._asked(lambda: special_points.sheets(block, points))
             sheets = special_points.distinct(found or ())
         vanishing = vanishing_rows(block, points)
         if numbers.on_piece or sheets:
@@ -345,13 +339,11 @@ class Locality:
         lasting = tuple(one for one in together.integrals if vanishing.isdisjoint(one.rows))
         return dataclasses.replace(together, integrals=lasting, vanishing=together.vanishing | vanishing)
 
-    def _asked(
-        self, work: Callable[[], Answer], refusals: tuple[type[Exception], ...] = OPEN
-    ) -> Answer | None:
+    def _asked(self, work: Callable[[], Answer]) -> Answer | None:
         """The answer of algebra within the budget, None where there is none."""
         try:
             return time_limit.run(self._deadline, work, BUDGET)
-        except refusals:
+        except OPEN:
             return None
 
     def _flagged(self, block: PfaffianBlock, equations: Sequence[Expression]) -> joint.Flagged | None:

@@ -126,7 +126,7 @@ def solved(words: LoopWords, goal: Goal, X: Floats, varied: Flags, enough: int |
     """
     near: list[tuple[Floats, Floats]] = []
     last = np.full(len(X), np.inf)
-    wanted = _wanted(goal)
+    wanted = np.append(np.zeros(goal.closed.size), [] if goal.amount is None else goal.amount)
     for turn in range(16):
         ends, J = controlled_paths.turned(words.frame, goal.start, words.controls(X), words.basis, 2)
         miss, J = _asked(goal, ends - words.resting(goal, 2)) - wanted, _asked(goal, J)
@@ -146,17 +146,13 @@ def solved(words: LoopWords, goal: Goal, X: Floats, varied: Flags, enough: int |
         largest = np.abs(step).max(axis=1, initial=1e-300)
         X = (X + step * np.minimum(1.0, goal.size / largest)[:, None])[~there]
         varied, last = varied[~there], last[~there]
-    return _polished(words, goal, near)
-
-
-def _polished(words: LoopWords, goal: Goal, near: list[tuple[Floats, Floats]]) -> Floats:
-    """Lengths of fine paths that close, from those of rough ones with the inverse of their derivatives (q, e)."""
+    # Lengths of fine paths that close, from those of rough ones with the inverse of their derivatives (q, e)
     done: list[Floats] = []
     if not near:
         return np.zeros((0, words.basis.shape[2]))
     X, inverse = (np.array(each) for each in zip(*near, strict=True))
     last = np.full(len(X), np.inf)
-    rest, wanted = words.resting(goal, 12), _wanted(goal)
+    rest = words.resting(goal, 12)
     for _ in range(10):
         ends = controlled_paths.ends(words.frame, goal.start, words.controls(X), 12)
         miss = _asked(goal, ends - rest) - wanted
@@ -175,9 +171,3 @@ def _polished(words: LoopWords, goal: Goal, near: list[tuple[Floats, Floats]]) -
 def _asked(goal: Goal, found: Floats) -> Floats:
     """The part of ends (N, k + 1, ...) that the goal asks about: (N, e, ...)."""
     return found[:, goal.closed if goal.amount is None else np.append(goal.closed, goal.along)]
-
-
-def _wanted(goal: Goal) -> Floats:
-    """The values they shall have, (e,)."""
-    zeros = np.zeros(goal.closed.size)
-    return zeros if goal.amount is None else np.append(zeros, goal.amount)

@@ -204,7 +204,24 @@ class Exact:
         self._sizes = [Decimal(size) for size in point.sizes.tolist()]
         self._nothing = [Decimal(0)] * len(point.differential)
         self._still = [Decimal(0)] * block.size
-        self._x = self._refined([self._read(a) for a in point.x.tolist()], holonomic)
+        self._x = [self._read(a) for a in point.x.tolist()]
+        n, s = len(block.columns), len(block.holonomic)
+        surface_rows = [i for i in point.independent if i < s]
+        if surface_rows:
+            # The point with f = 0 of these to all digits, moved in the coordinates
+            q, rest = self._x[:n], self._x[n:]
+            rows = MetricRows(point.plain[surface_rows, :n], Metric.unit(n))
+            goal = Decimal(10) ** (5 - DIGITS) * (max((abs(a) for a in q), default=Decimal(0)) or 1)
+            every = list(range(len(surface_rows)))
+
+            def at(q: surface.Point) -> InDigits:
+                f = self._run(holonomic, [[*q, *rest], self._p])
+                return InDigits([f[i] for i in surface_rows], rows, every, rows.lengths, goal)
+
+            met = surface.nearby(at, np.array(q))
+            if met is None:
+                raise spans.Undecided("no point of the surface was found in many digits")
+            self._x = [*met, *rest]
 
     def bracket(self, shape: Shape, U: list[list[int]]) -> DigitSample:
         """Values on the independent differential rows, of a bracket of fields of scaled components U (leaves, N)."""
@@ -275,26 +292,6 @@ class Exact:
         if shape == LEAF:
             return self._run(self._field, [x, self._p, columns[0], self._nothing])
         return self._run(self._field, [x, self._p, self._still, self._value(shape, x, columns, tag)])
-
-    def _refined(self, x: list[Decimal], code: Program) -> list[Decimal]:
-        """The point with f = 0 of the independent holonomic rows to all digits, moved in the coordinates."""
-        block, point = self._point.block, self._point
-        n, s = len(block.columns), len(block.holonomic)
-        holonomic = [i for i in point.independent if i < s]
-        if not holonomic:
-            return x
-        rows = MetricRows(point.plain[holonomic, :n], Metric.unit(n))
-        goal = Decimal(10) ** (5 - DIGITS) * (max((abs(a) for a in x[:n]), default=Decimal(0)) or 1)
-        every = list(range(len(holonomic)))
-
-        def at(q: surface.Point) -> InDigits:
-            f = self._run(code, [[*q, *x[n:]], self._p])
-            return InDigits([f[i] for i in holonomic], rows, every, rows.lengths, goal)
-
-        q = surface.nearby(at, np.array(x[:n]))
-        if q is None:
-            raise spans.Undecided("no point of the surface was found in many digits")
-        return [*q, *x[n:]]
 
     def _run(self, code: Program, inputs: list[list[Number]]) -> list[Number]:
         try:

@@ -48,10 +48,10 @@ class NumericFlag:
     dimension: of the kernel D at generic points, over coordinates and, with `has_time`, time. extra: dimensions of I,
     I', ... beyond the df, to zero or to the first that repeats; growth: dim D grows by these, (0, ...). inside (m,):
     which rows lie in I^(oo). contradiction: a multiple of dt lies in the rows. special: ranks or growth at the start
-    are not those nearby (None: brackets were too large to look there). states: of the orbit, the start first. on_piece: abs, min, max or sign switch in the rows, so that the flag is that of the start's side.
-    digits: the precision of the proof; error: the largest value that counted as zero, least: the smallest that did not,
-    both relative to the size of their terms. Where not `is_certain`, `reason` says why, and of extra, growth and inside
-    what is not known is empty.
+    are not those nearby (None: brackets were too large to look there). states: of the orbit, the start first. on_piece:
+    abs, min, max or sign switch in the rows, so that the flag is that of the start's side. digits: the precision of the
+    proof; error: the largest value that counted as zero, least: the smallest that did not, both relative to the size of
+    their terms. Where not `is_certain`, `reason` says why, and of extra, growth and inside what is not known is empty.
     """
 
     has_time: bool
