@@ -100,6 +100,9 @@ class JointReport:
 def joint(count: DofCount, found: Classification) -> JointReport:
     """The joint part: the flag of all rows, df of the holonomic ones included (their rank stays to the end)."""
     unsolved = tuple(form for group in found.groups for form in group.unsolved)
+    # Integrals proved in general, and those that hold for the motions from the start alone
+    integrals = tuple(one for group in found.groups for one in (*group.integrals, *group.passing))
+    remarks = tuple(dict.fromkeys(remark for group in found.groups for remark in group.remarks))
     dimension, has_time = count.coordinates + found.depends_on_time, found.depends_on_time
     flag, growth, proof = list[int](), list[int](), "none"
     if count.holonomic is not None and found.flag:
@@ -108,7 +111,6 @@ def joint(count: DofCount, found: Classification) -> JointReport:
         flag += [flag[-1]] if flag[-1] else []  # the end is 0, or a dimension that is met again
         dimension -= surface
         growth, proof = [dimension - found.flag[0] + more for more in found.growth], count.proof
-    integrals, remarks = found.everything, found.remarks
     return JointReport(tuple(flag), integrals, unsolved, tuple(growth), dimension, proof, remarks, has_time)
 
 

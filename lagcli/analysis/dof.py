@@ -112,10 +112,11 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
     """
     names = [row.name for row in system.rows.rows]
     # Of a row that vanishes identically numbers see its rounding.
-    effective = [i for i, name in enumerate(names) if name not in found.vanishing]
+    vanishing_rows = {name for group in found.groups for name in group.vanishing}
+    effective = [i for i, name in enumerate(names) if name not in vanishing_rows]
     holonomic_rows = list(range(system.holonomic_count))
     is_holonomic = len(holonomic_rows) == len(names)
-    lost = {i for i, name in enumerate(names) if name in found.lost}
+    lost = {i for group in found.groups for i, name in enumerate(names) if name in group.lost}
     ranks = functools.partial(_ranks, numeric, holonomic_rows=holonomic_rows, effective=effective, lost=lost)
     points, vanishing = [begin], ""
     on = ranks(points)
@@ -202,7 +203,7 @@ def examine(system: System, numeric: NumericSystem, begin: State, found: Classif
 
     # What is said of it
     here, nearby = on.everything[0].value, s + rank_beyond if is_singular else on.highest[1]
-    notes = [*surface.notes, *found.notes]
+    notes = [*surface.notes, *dict.fromkeys(note for group in found.groups for note in group.notes)]
     if here is not None and here < nearby:
         special = "the start is a special configuration: the rows have rank"
         notes.insert(0, f"{special} {here} there and {nearby} nearby")

@@ -169,8 +169,8 @@ class _Laws:
             entries = [3 * k + axis for k in on for axis in range(3)]
             F = -sign * ca.densify(slope[member, entries]).T
             self._add(force.members.names[member], on, F, frozenset(touched), True)
-        if divided:
-            for own, term in _terms(node):
+        if isinstance(node, tree.Sum) and divided:
+            for own, term in node.terms:
                 self._potential(force, sign * own, term, frozenset(divided))
 
     def _on_particles(
@@ -188,21 +188,20 @@ class _Laws:
             slope = ca.jacobian(part, ca.vertcat(self._r, self._v))
             for pair, particles in _touched(slope, self._count).items():
                 touched.setdefault(pair, set()).update(particles)
-        divided = set()
+        divided, whole = set(), vector.parts[0]
         for pair, particles in sorted(touched.items()):
             k = int(targets[pair])
             if pair not in only or not particles - {k}:
                 continue
-            is_sum = len(vector.parts) == 1 and isinstance(vector.parts[0].tree, tree.Sum)
+            is_sum = len(vector.parts) == 1 and isinstance(whole.tree, tree.Sum)
             if len(particles | {k}) > 2 and is_sum:
                 divided.add(pair)
                 continue
             F = sign * ca.vertcat(*(part[pair] for part in parts))
             name = force.members.names[int(force.action.acting[pair])]
             self._add(name, (k,), F, frozenset(particles | {k}), False)
-        if divided:
-            (whole,) = vector.parts
-            for one, term in _terms(whole.tree):
+        if isinstance(whole.tree, tree.Sum) and divided:
+            for one, term in whole.tree.terms:
                 piece = nouns.VectorExpression((dataclasses.replace(whole, tree=term),))
                 self._on_particles(force, sign * one, piece, frozenset(divided))
 
@@ -225,8 +224,3 @@ def _touched(slope: ca.SX, particles: int) -> dict[int, set[int]]:
     for row, entry in zip(rows.tolist(), columns.tolist(), strict=True):
         found.setdefault(row, set()).add(entry // 3 % particles)
     return found
-
-
-def _terms(node: tree.Node) -> tuple[tuple[int, tree.Node], ...]:
-    """The terms of a sum with their signs."""
-    return node.terms if isinstance(node, tree.Sum) else ((1, node),)

@@ -277,34 +277,31 @@ def _verdict(name: str, one: frobenius.FormVerdict | None, together: JointVerdic
     kind: Kind = "undecided" if one is None else one.kind
     method = "the form is too large for exact algebra" if one is None else one.method
     proof: Proof = "none" if one is None else one.proof
-    integral = None if one is None or one.integral is None else notation.written(one.integral)
-    factor = None
-    if one is not None and one.integrating_factor is not None:
-        factor = notation.written(one.integrating_factor)
+    integral: str | None = None
+    factor: str | None = None
     if name in together.vanishing:
-        text = "The form vanishes identically where the holonomic constraints hold: it says nothing."
+        kind, proof = "exact", together.proof
+        method = "The form vanishes identically where the holonomic constraints hold: it says nothing."
         if together.passing or name not in together.inside:
-            text = "The form vanishes along the motions from the start: it says nothing."
-        return Verdict(name, "differential", "exact", None, None, text, together.proof)
-    if kind in ("exact", "integrable"):
-        return Verdict(name, "differential", kind, integral, factor, method, proof)
-    if not together.is_decided:
+            method = "The form vanishes along the motions from the start: it says nothing."
+    elif kind in ("exact", "integrable"):
+        assert one is not None
+        integral = None if one.integral is None else notation.written(one.integral)
+        factor = None if one.integrating_factor is None else notation.written(one.integrating_factor)
+    elif not together.is_decided:
         if (kind == "nonholonomic" and len(together.rows) > 1) or together.reason:
             method = f"{method} Whether it is integrable together with the rows it meets is open: {together.reason}."
             kind, proof = "undecided", "none"
-        return Verdict(name, "differential", kind, None, None, method, proof)
-    if name in together.inside:
+    elif name in together.inside:
         # An integral in which the row takes part, one of as few rows as there are.
-        own = [one for one in (*together.integrals, *together.passing) if name in one.rows]
-        found = min(own, key=lambda one: len(one.rows)).text if own else None
-        where = "It lies in the integrable part of all rows together (derived flag)."
-        text = (
-            f"{where} Alone it does not: {method[0].lower()}{method[1:]}" if kind == "nonholonomic" else where
-        )
-        return Verdict(name, "differential", "jointly-integrable", found, None, text, together.proof)
-    if kind == "undecided":
+        own = [each for each in (*together.integrals, *together.passing) if name in each.rows]
+        integral = min(own, key=lambda each: len(each.rows)).text if own else None
+        alone = f" Alone it does not: {method[0].lower()}{method[1:]}" if kind == "nonholonomic" else ""
+        method = f"It lies in the integrable part of all rows together (derived flag).{alone}"
+        kind, proof = "jointly-integrable", together.proof
+    elif kind == "undecided":
         method = (
             "It does not lie in the integrable part of all rows together, so that alone it is not integrable."
         )
-        return Verdict(name, "differential", "nonholonomic", None, None, method, together.proof)
-    return Verdict(name, "differential", "nonholonomic", None, None, method, proof)
+        kind, proof = "nonholonomic", together.proof
+    return Verdict(name, "differential", kind, method, proof, integral, factor)

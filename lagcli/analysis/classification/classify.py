@@ -203,7 +203,7 @@ def _by_algebra(built: System, numeric: NumericSystem, limit: float) -> KnownInt
     if undecided:
         unknown_parts.append(f"it is undecided whether {initial.quoted(undecided, 4)} can be integrated")
     return KnownIntegrals(
-        whole.found.integrals,
+        tuple(one for group in whole.found.groups for one in group.integrals),
         tuple(
             f"{what}: integrals that are not known are enforced at velocity level only, to the integration tolerance"
             for what in unknown_parts

@@ -27,10 +27,10 @@ class Verdict:
     row: str
     declared: Declared
     kind: Kind
-    integral: str | None
-    integrating_factor: str | None
     method: str
     proof: Proof
+    integral: str | None = None
+    integrating_factor: str | None = None
 
 
 @frozen_value
@@ -110,36 +110,6 @@ class Classification:
         """The growths of the groups added up; empty where one is not known."""
         return _summed([group.growth for group in self.groups]) if not self.undecided else ()
 
-    @property
-    def integrals(self) -> tuple[FirstIntegral, ...]:
-        """The first integrals that were found, which hold wherever a motion may come to."""
-        return tuple(integral for group in self.groups for integral in group.integrals)
-
-    @property
-    def everything(self) -> tuple[FirstIntegral, ...]:
-        """The integrals proved in general, and those that hold for the motions from the start alone."""
-        return tuple(one for group in self.groups for one in (*group.integrals, *group.passing))
-
-    @property
-    def vanishing(self) -> frozenset[str]:
-        """Rows that vanish identically."""
-        return frozenset(name for group in self.groups for name in group.vanishing)
-
-    @property
-    def lost(self) -> frozenset[str]:
-        """Rows that vanish at the start, to all digits, and not everywhere."""
-        return frozenset(name for group in self.groups for name in group.lost)
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """Further remarks of the groups, each once."""
-        return tuple(dict.fromkeys(remark for group in self.groups for remark in group.remarks))
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """The notes about this start and these parameters, each once."""
-        return tuple(dict.fromkeys(note for group in self.groups for note in group.notes))
-
     def doubted(self, rows: frozenset[str], reason: str) -> Classification:
         """The classification with the groups of some rows undecided: all that was found of them together is open."""
         doubted = [group for group in self.groups if not rows.isdisjoint(group.rows)]
@@ -179,20 +149,14 @@ def of_holonomic(model: nouns.Model, row_names: tuple[str, ...]) -> tuple[Verdic
             method = f"row of the rigid body `{row.rpartition('.')[0]}`"
         else:
             continue
-        verdicts.append(Verdict(row, "holonomic", "holonomic", None, None, method, "symbolic"))
+        verdicts.append(Verdict(row, "holonomic", "holonomic", method, "symbolic"))
     return tuple(verdicts)
 
 
 def of_one_sided(model: nouns.Model) -> tuple[Verdict, ...]:
     """Verdicts of the one-sided constraints, in their order."""
     method = "declared as one-sided: not counted in s"
-    return tuple(
-        Verdict(row, "inequality", "inequality", None, None, method, "symbolic")
-        for row in model.contact_names
-    )
-
-
-Integrals = tuple[FirstIntegral, ...]
+    return tuple(Verdict(row, "inequality", "inequality", method, "symbolic") for row in model.contact_names)
 
 
 @frozen_value
@@ -208,7 +172,7 @@ class KnownIntegrals:
     """First integrals of the differential rows, notes on those that are not known, the hidden conditions, and where
     motions from the start were followed."""
 
-    integrals: Integrals = ()
+    integrals: tuple[FirstIntegral, ...] = ()
     notes: tuple[str, ...] = ()
     conditions: tuple[Condition, ...] = ()
     orbits: tuple[Orbit, ...] = ()
