@@ -35,7 +35,7 @@ MAX_SURFACES = 24
 _DEGREES = (2, 3, 4)
 # The highest power of a letter without a relation, beyond every degree that is asked for.
 _UNBOUNDED = 99
-# Values may leave the range of doubles: what is not finite is left out, in `null_vectors` and `Known`.
+# Values may leave the range of doubles: what is not finite is left out, in `null_vectors` and `is_new`.
 _unbounded = partial(np.errstate, over="ignore", invalid="ignore")
 
 
@@ -192,44 +192,35 @@ def null_vectors(numbers: Numbers) -> list[dict[int, float]]:
     return found
 
 
-class Known:
-    """The integrals already taken, to see which proposals are new."""
-
-    def __init__(self, field: CombinationField, taken: Sequence[sympy.Expr]) -> None:
-        self._taken = list(field.functions(taken).slopes) if taken else []
-
-    def is_new(self, slopes: Floats) -> bool:
-        """True if the slopes (C, near) are independent of those taken, at one of the points."""
-        for n in range(slopes.shape[1]):
-            matrix = np.array([t[:, n] for t in (*self._taken, slopes)])
-            if not np.all(np.isfinite(matrix)):
-                continue
-            norms = np.linalg.norm(matrix, axis=1)
-            if not (np.all(norms > doubles.ZERO) and np.all(np.isfinite(norms))):
-                continue
-            singular = decompositions.singular_values(matrix / norms[:, None])
-            if len(singular) == len(matrix) and singular[-1] > doubles.ROOT:
-                return True
-        return False
-
-    def take(self, slopes: Floats) -> None:
-        self._taken.append(slopes)
+def is_new(slopes: Floats, taken: Sequence[Floats]) -> bool:
+    """True if the slopes (C, near) of a proposal are independent of those taken, at one of the points."""
+    for n in range(slopes.shape[1]):
+        matrix = np.array([t[:, n] for t in (*taken, slopes)])
+        if not np.all(np.isfinite(matrix)):
+            continue
+        norms = np.linalg.norm(matrix, axis=1)
+        if not (np.all(norms > doubles.ZERO) and np.all(np.isfinite(norms))):
+            continue
+        singular = decompositions.singular_values(matrix / norms[:, None])
+        if len(singular) == len(matrix) and singular[-1] > doubles.ROOT:
+            return True
+    return False
 
 
 def proposals(
-    frame: KernelFrame, numbers: Numbers, functions: Sequence[sympy.Expr], known: Known
+    frame: KernelFrame, numbers: Numbers, functions: Sequence[sympy.Expr], taken: Sequence[Floats]
 ) -> Iterator[tuple[sympy.Expr, Floats]]:
-    """Combinations of the functions that seem to be new first integrals, simple ones first, with their slopes."""
-    found = null_vectors(numbers)
+    """Combinations of the functions that seem to be new first integrals, simple ones first, with their slopes; taken:
+    the slopes of the integrals already found, which may grow."""
 
     def length(vector: dict[int, float]) -> tuple[bool, int, int]:
         # An angle jumps where it starts again: last.
         return any(functions[i].has(sympy.atan2) for i in vector), len(vector), max(vector)
 
-    for vector in sorted(found, key=length):
+    for vector in sorted(null_vectors(numbers), key=length):
         with _unbounded():
             slopes = np.asarray(sum(c * numbers.slopes[i] for i, c in vector.items()))
-        if known.is_new(slopes):
+        if is_new(slopes, taken):
             phi = exact(vector, functions, frame.rates, constants_of(frame))
             if phi is not None:
                 yield phi, slopes
@@ -273,18 +264,15 @@ def exact(
 # d(phi_C)/V, X_j(V) = div_j V (G. Darboux, Bull. Sci. Math. 2, 1878; Jacobi's last multiplier is 1/V).
 
 
-def factors(entries: Iterable[sympy.Expr], variables: Sequence[sympy.Symbol]) -> list[sympy.Expr]:
+def factors(entries: Sequence[sympy.Expr], variables: Sequence[sympy.Symbol]) -> list[sympy.Expr]:
     """The letters of the entries and the factors of their numerators and denominators. Raises `NoNormalFormError`."""
-    listed = list(entries)
-    basis = normal_form.NormalForm([*listed, *variables])
-    return basis.surfaces(listed, variables)[:MAX_SURFACES]
+    return normal_form.NormalForm([*entries, *variables]).surfaces(entries, variables)[:MAX_SURFACES]
 
 
-def denominator(entries: Iterable[sympy.Expr]) -> sympy.Expr:
+def denominator(entries: Sequence[sympy.Expr]) -> sympy.Expr:
     """The least common denominator in the normal form. Raises `normal_form.NoNormalFormError`."""
-    listed = list(entries)
-    basis = normal_form.NormalForm(listed)
-    parts = (basis.element(e).denom for e in listed)
+    basis = normal_form.NormalForm(entries)
+    parts = (basis.element(e).denom for e in entries)
     return basis.expression(reduce(lambda a, b: a.lcm(b), parts, basis.ring.one))
 
 
@@ -326,7 +314,7 @@ def _square_root(square: sympy.Expr, variables: Sequence[sympy.Symbol]) -> sympy
 def multipliers(frame: KernelFrame, letters: Alphabet) -> list[sympy.Expr]:
     """Inverse multipliers V: polynomials in the letters over the common denominator of the frame. Raises
     `NoAnswerError`."""
-    below = denominator(e for row in frame.solved for e in row)
+    below = denominator([e for row in frame.solved for e in row])
     divergences = []
     for j in range(len(frame.free)):
         pairs = zip(frame.pivots, frame.solved, strict=True)

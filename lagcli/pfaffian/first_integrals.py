@@ -214,12 +214,13 @@ def _combined(
     how: str,
 ) -> Proposals:
     """Combinations of functions with these numbers, beside the integrals that are found meanwhile."""
-    known = combinations.Known(field, search.integrals)
-    for phi, slopes in combinations.proposals(search.frame, numbers, functions, known):
+    integrals = search.integrals
+    taken = list(field.functions(integrals).slopes) if integrals else []
+    for phi, slopes in combinations.proposals(search.frame, numbers, functions, taken):
         before = len(search.found)
         yield SearchResult(phi, how)
         if len(search.found) > before:
-            known.take(slopes)
+            taken.append(slopes)
 
 
 def turned(search: IntegralSearch) -> Proposals:
@@ -290,13 +291,14 @@ def single_rows(search: IntegralSearch) -> Proposals:
     tried: set[tuple[sympy.Expr, ...]] = set()
     block = search.block
     for last in ((), *((x,) for x in block.variables)):
-        frame = (
-            search.frame
-            if not last
-            else function_field.kernel(block.rows, block.variables, block.parameters, last)
-        )
+        frame = search.frame
+        if last:
+            frame = function_field.kernel(block.rows, block.variables, block.parameters, last)
         for a in sorted(range(len(frame.pivots)), key=lambda a: sum(e != 0 for e in frame.solved[a])):
-            row = frame.row(a)
+            entries = dict.fromkeys(range(len(block.variables)), sympy.Integer(0))
+            entries[frame.pivots[a]] = sympy.Integer(1)
+            entries |= {j: -value for j, value in zip(frame.free, frame.solved[a], strict=True)}
+            row = tuple(entries.values())
             if row in tried:
                 continue
             tried.add(row)

@@ -252,14 +252,6 @@ class KernelFrame:
             found.append(sum(terms, forms.partial(phi, self.variables[j])))
         return found
 
-    def row(self, a: int) -> tuple[sympy.Expr, ...]:
-        """The coefficients (n,) of theta_a."""
-        entries = [sympy.Integer(0)] * len(self.variables)
-        entries[self.pivots[a]] = sympy.Integer(1)
-        for j, value in zip(self.free, self.solved[a], strict=True):
-            entries[j] = -value
-        return tuple(entries)
-
 
 def kernel(
     rows: Sequence[Sequence[sympy.Expr]],

@@ -89,7 +89,7 @@ def solution(found: Flagged, verdicts: Sequence[FormVerdict | None], deadline: f
         accepted += [one.integral for one in more if basis.takes(one.integral)]
     solved = basis.solved(accepted, found.values)
     unsolved = []
-    for row in (row for row in found.flag.integrable if not basis.holds(row)):
+    for row in (row for row in found.flag.integrable if not basis.spans(basis.values(row))):
         terms = (a * differential(x) for a, x in zip(row, block.variables, strict=True))
         unsolved.append(sympy.fraction(guarded.together(sum(terms, sympy.Integer(0))))[0])
     return Solution(solved, tuple(unsolved[: wanted - len(accepted)]))
@@ -126,20 +126,16 @@ class _Independent:
             else list(enclosure.points(symbols))[:8]
         )
         self._surface = [self._gradient(f) for f in block.surface]
-        self._rows = [self._values(row) for row in block.rows]
+        self._rows = [self.values(row) for row in block.rows]
         self._accepted: list[list[Floats | None]] = []
 
     def takes(self, phi: sympy.Expr) -> bool:
         """True if d phi is independent of those taken before; then it is taken."""
         values = self._gradient(phi)
-        if self._spans(values):
+        if self.spans(values):
             return False
         self._accepted.append(values)
         return True
-
-    def holds(self, row: Iterable[sympy.Expr]) -> bool:
-        """True if a form is a combination of what was taken."""
-        return self._spans(self._values(row))
 
     def solved(self, integrals: Sequence[sympy.Expr], values: Values) -> tuple[JointIntegral, ...]:
         """Integrals with the rows of the block whose combination d phi is, where `values` are put in."""
@@ -156,19 +152,19 @@ class _Independent:
             found.append(JointIntegral(phi, names))
         return tuple(found)
 
-    def _spans(self, values: list[Floats | None]) -> bool:
-        """True if a gradient is a combination of the df and of what was taken at every point where all have values."""
-        for rows, gradient in _together([*self._surface, *self._accepted], values):
+    def spans(self, values: list[Floats | None]) -> bool:
+        """True if a form is a combination of the df and of what was taken at every point where all have values."""
+        for rows, form in _together([*self._surface, *self._accepted], values):
             if not rows.size:
-                return not gradient.any()
-            if np.abs(decompositions.residual(rows.T, gradient)).max() > doubles.ZERO:
+                return not form.any()
+            if np.abs(decompositions.residual(rows.T, form)).max() > doubles.ZERO:
                 return False
         return True
 
     def _gradient(self, phi: sympy.Expr) -> list[Floats | None]:
-        return self._values(forms.partial(phi, x) for x in self._block.variables)
+        return self.values(forms.partial(phi, x) for x in self._block.variables)
 
-    def _values(self, row: Iterable[sympy.Expr]) -> list[Floats | None]:
+    def values(self, row: Iterable[sympy.Expr]) -> list[Floats | None]:
         """The coefficients at the points; None where one has no value."""
         listed = list(row)
         found: list[Floats | None] = []

@@ -94,9 +94,11 @@ def _is_small(expression: sympy.Expr, point: SpecialPoint, otherwise: bool) -> b
         return otherwise
 
 
-def product(factors: Iterable[sympy.Expr]) -> sympy.Expr:
-    """The product of expressions."""
-    return sympy.Mul(*factors)
+def own_factor(factors: Iterable[sympy.Expr], here: SpecialPoint) -> sympy.Expr:
+    """The factor that vanishes at a start, if one alone does, or is all but zero there; else the product."""
+    listed = list(factors)
+    own = [e for e in listed if vanishes(e, [here])] or [e for e in listed if beside(e, here)]
+    return own[0] if len(own) == 1 else sympy.Mul(*listed)
 
 
 def sheets(block: PfaffianBlock, points: Sequence[SpecialPoint]) -> list[sympy.Expr]:
@@ -192,7 +194,7 @@ def kept(
         if not all(map(vanishes, slopes)):
             return ()
         # The factors that vanish at the start, each once, say all that an expression does around it.
-        new = [product(filter(vanishes, factors(e))) for e in distinct(slopes)]
+        new = [sympy.Mul(*filter(vanishes, factors(e))) for e in distinct(slopes)]
         all_of_them += new
     raise NotDecidedError("the places on which motions from the start stay have no end that algebra sees")
 

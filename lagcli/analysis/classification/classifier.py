@@ -177,7 +177,7 @@ class Classifier:
         raise HiddenConditionsError(
             tuple(
                 Condition(
-                    notation.written(self._locality.start.own_factor(one.factors)),
+                    notation.written(special_points.own_factor(one.factors, self._locality.start.point)),
                     self._names(numbers[i] for i in one.rows),
                 )
                 for one in found.flag.conditions

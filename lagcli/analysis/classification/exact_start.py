@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import decimal
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from fractions import Fraction
 from functools import cached_property
 
@@ -83,12 +83,6 @@ class ExactStart:
             raise enclosure.NoValueError
         is_nothing = expression == 0 or special_points.is_nothing(expression, [self.point])
         return decimal.Decimal(0) if is_nothing else enclosure.decimal_of(expression, self.point.digits)
-
-    def own_factor(self, factors: Sequence[Expression]) -> Expression:
-        """The factor that vanishes at the start, if one alone does, or is all but zero there; else the product."""
-        own = [e for e in factors if special_points.vanishes(e, [self.point])]
-        own = own or [e for e in factors if special_points.beside(e, self.point)]
-        return own[0] if len(own) == 1 else special_points.product(factors)
 
     def _on_surface(
         self, here: Digits, origin: Digits, constants: Mapping[Symbol, Expression]

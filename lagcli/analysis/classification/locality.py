@@ -98,7 +98,7 @@ class Locality:
         """True if motions from the start meet the conditions of a flag: rows demand the same ones where something that
         algebra divided by vanishes, or it is these that vanish there."""
         conditions = [one.factors for one in flagged.flag.conditions]
-        demanded = [self.start.own_factor(factors) for factors in conditions]
+        demanded = [special_points.own_factor(factors, self.start.point) for factors in conditions]
         places: dict[frozenset[Expression], joint.Flagged] = {frozenset(): flagged}
         ahead: list[tuple[Expression, ...]] = [()]
         for place in ahead:  # it grows: on a place algebra may divide by more

@@ -180,12 +180,11 @@ def points_on(surface: Sequence[sympy.Expr], symbols: Sequence[sympy.Symbol]) ->
     """Some points of the surface; symbols that do not occur in it have random values."""
     own = set().union(*(e.free_symbols for e in surface))
     others = [s for s in symbols if s not in own]
-    generator = random.Random(_SURFACE_SEED)
-    return [{**point, **_random(others, generator)} for point in _points(tuple(surface))]
-
-
-def _random(symbols: Sequence[sympy.Symbol], generator: random.Random) -> Point:
-    return {s: Fraction(generator.randrange(-2000, 2000), 997) for s in symbols}
+    drawn = random.Random(_SURFACE_SEED)
+    return [
+        {**point, **{s: Fraction(drawn.randrange(-2000, 2000), 997) for s in others}}
+        for point in _points(tuple(surface))
+    ]
 
 
 @memory.remembered(32)
@@ -193,10 +192,11 @@ def _points(surface: tuple[sympy.Expr, ...]) -> tuple[Point, ...]:
     """Points by Newton's method with the smallest steps, from random points."""
     symbols = sorted(set().union(*(e.free_symbols for e in surface)), key=lambda s: s.name)
     gradients = [[forms.partial(f, x) for x in symbols] for f in surface]
-    generator = random.Random(_SURFACE_SEED)
+    drawn = random.Random(_SURFACE_SEED)
     found: list[Point] = []
     for _ in range(_ATTEMPTS):
-        point = _projected(_random(symbols, generator), surface, gradients)
+        begin = {s: Fraction(drawn.randrange(-2000, 2000), 997) for s in symbols}
+        point = _projected(begin, surface, gradients)
         if point is not None:
             found.append(point)
         if len(found) == _FOUND:
@@ -212,7 +212,9 @@ def nearest(
     gradients, n = [[forms.partial(f, x) for x in begin] for f in surface], len(begin)
     with mpmath.workdps(DIGITS):
         try:
-            W = mpmath.inverse(mpmath.matrix([[_mpf(a) for a in row] for row in inertia]))[:n, :n]
+            W = mpmath.inverse(
+                mpmath.matrix([[mpmath.mpf(a.numerator) / a.denominator for a in row] for row in inertia])
+            )[:n, :n]
         except ZeroDivisionError:
             return None
     # Where the way is long and the surface curved the steps do not contract: then a point of the surface is given.
@@ -244,8 +246,8 @@ def _projected(
         try:
             f = mpmath.matrix([_middle(there.value(row)) for row in equations])
             B = mpmath.matrix([[_middle(there.value(entry)) for entry in row] for row in gradients])
-            ways = zip(begin, q, strict=True)
-            back = mpmath.matrix([_mpf(origin[x] - old) if origin else mpmath.mpf(0) for x, old in ways])
+            ways = [origin[x] - old if origin else Fraction(0) for x, old in zip(begin, q, strict=True)]
+            back = mpmath.matrix([mpmath.mpf(way.numerator) / way.denominator for way in ways])
             weighted = B.T if W is None else W * B.T
             step = back - weighted * mpmath.lu_solve(B * weighted, f + B * back)
         except (NoValueError, ArithmeticError, ValueError):
@@ -259,10 +261,6 @@ def _projected(
     with mpmath.workdps(DIGITS):
         q = surface.nearby(at, np.array(list(begin.values())))
     return None if q is None else dict(zip(begin, q, strict=True))
-
-
-def _mpf(value: Fraction) -> mpmath.mpf:
-    return mpmath.mpf(value.numerator) / value.denominator
 
 
 def _middle(interval: ivmpf) -> mpmath.mpf:
