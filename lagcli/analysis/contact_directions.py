@@ -99,23 +99,14 @@ class ContactDirections:
         }
 
 
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class RowDisplacements:
-    """The displacements that equality rows leave: Z (n, d), orthonormal in the metric, and the shortest (n,) over
-    dt = 1."""
-
-    metric: Metric
-    Z: Floats
-    allowed: Floats
-
-
 def directions(
-    system: System, numeric: NumericSystem, state: State, left: RowDisplacements
+    system: System, numeric: NumericSystem, state: State, metric: Metric, Z: Floats, shortest: Floats
 ) -> ContactDirections:
-    """The directions at a state, `left` by the equality rows. Raises `ModelError` naming a gap that is not finite."""
+    """The directions at a state. Equality rows leave the displacements Z (n, d), orthonormal in the metric, and over
+    dt = 1 the shortest (n,). Raises `ModelError` naming a gap that is not finite."""
     sides = gaps.at_state(system, numeric, state)
-    g_t = np.array(numeric.contacts(state.t, state.q, state.v, state.p)[2]).ravel()
-    G = LocalRows(numeric.contacts(state.t, state.q, state.v, state.p)[1])
+    values = numeric.contacts(state.t, state.q, state.v, state.p)
+    G, g_t = LocalRows(values[1]), np.array(values[2]).ravel()
     dense = np.array(G.B)
     contacts = tuple(
         ContactCondition(row.name, side, dense[j], float(g_t[j]))
@@ -128,12 +119,12 @@ def directions(
         return ContactDirections(contacts, None, None, (*notes, reason))
     # The cone of the closed contacts that equality rows let move, by their unit rows A (k, d) over u, and A u >= least
     # over dt = 1; others may close over dt.
-    lengths = LocalRows(left.metric.whitened(G.B[closed, :])).divisors
+    lengths = LocalRows(metric.whitened(G.B[closed, :])).divisors
     rows, rates = np.array(G.B[closed, :]), g_t[closed]
-    over = (rows @ left.Z) / lengths[:, None]
+    over = (rows @ Z) / lengths[:, None]
     sizes = np.linalg.norm(over, axis=1)
-    rate = rows @ left.allowed + rates
-    terms = np.abs(rows) @ np.abs(left.allowed) + np.abs(rates)
+    rate = rows @ shortest + rates
+    terms = np.abs(rows) @ np.abs(shortest) + np.abs(rates)
     rate = np.where(np.abs(rate) <= complementarity.PARAMETERS.safe * doubles.EPS * terms, 0.0, rate)
     moves = sizes > rank.PARAMETERS.small
     taken = np.flatnonzero(moves)
@@ -145,7 +136,7 @@ def directions(
         found, more = _of_cone(A, moving)
         allowed: Floats | None = None
         try:
-            allowed = left.allowed + left.Z @ complementarity.shortest(A, least).x
+            allowed = shortest + Z @ complementarity.shortest(A, least).x
         except ContradictoryRows as error:
             closing = initial.quoted([moving[i] for i in error.rows])
             reason = f"no displacement over dt > 0 is allowed: {closing} close on each other"
@@ -156,7 +147,7 @@ def directions(
     if against:
         allowed, named = None, initial.quoted(against)
         reason = f"no displacement over dt > 0 is allowed: the rows would have {named} violated"
-    moved = tuple(dataclasses.replace(one, displacement=left.Z @ one.displacement + 0.0) for one in found)
+    moved = tuple(dataclasses.replace(one, displacement=Z @ one.displacement + 0.0) for one in found)
     return ContactDirections(contacts, moved, allowed, (*notes, *more, *([reason] if reason else ())))
 
 

@@ -166,8 +166,7 @@ def displacements(system: System, numeric: NumericSystem, state: State) -> Displ
     residual = max(residuals, default=0.0)
     is_certain = ranked.value is not None
     found = Bases(rows.count, ranked.low, name, virtual, allowed, residual, rest, is_certain)
-    left = contact_directions.RowDisplacements(metric, found.virtual, found.allowed)
-    contacts = contact_directions.directions(system, numeric, state, left)
+    contacts = contact_directions.directions(system, numeric, state, metric, virtual, allowed)
     s, model = system.symbols, system.model
     J = SizedFunction("J", [s.t, s.q, s.p], [ca.jacobian(system.r, s.q), ca.jtimes(system.r, s.t, ca.SX(1))])
     slope, drift = (np.array(part) for part in J(state.t, state.q, state.p[: s.p.numel()]))

@@ -40,21 +40,13 @@ _SHOWN = 160
 
 
 @dataclass(frozen=True, slots=True)
-class FrobeniusWitness:
-    """A component of omega ^ d omega that does not vanish, and the variables it belongs to."""
-
-    variables: tuple[sympy.Symbol, sympy.Symbol, sympy.Symbol]
-    component: sympy.Expr
-    value: enclosure.NonZero | None = None
-
-
-@dataclass(frozen=True, slots=True)
 class FormVerdict:
     """The proved facts of one form.
 
-    `method`: a sentence for the user; `integrating_factor` * omega = d `integral`, None where no closed form is known;
-    `exceptional`: expressions of the parameters at whose zeros the verdict or the integral may be another; `special`:
-    irreducible expressions at whose zeros all of omega ^ d omega vanishes.
+    `method`: a sentence for the user; `witness`: a component of omega ^ d omega that does not vanish;
+    `integrating_factor` * omega = d `integral`, None where no closed form is known; `exceptional`: expressions of the
+    parameters at whose zeros the verdict or the integral may be another; `special`: irreducible expressions at whose
+    zeros all of omega ^ d omega vanishes.
     """
 
     kind: Kind
@@ -62,7 +54,7 @@ class FormVerdict:
     proof: zero_test.Proof = "symbolic"
     integral: sympy.Expr | None = None
     integrating_factor: sympy.Expr | None = None
-    witness: FrobeniusWitness | None = None
+    witness: sympy.Expr | None = None
     exceptional: tuple[sympy.Expr, ...] = ()
     special: tuple[sympy.Expr, ...] = ()
 
@@ -191,8 +183,7 @@ def _nonholonomic(
         text += f"; it may for {_zeros(exceptional)}"
     if special:
         text += f"; omega ^ d omega drops to zero where {_zeros(special)}"
-    witness = FrobeniusWitness((i, j, k), shown, numeric)
-    return FormVerdict("nonholonomic", text + ".", proof, None, None, witness, exceptional, special)
+    return FormVerdict("nonholonomic", text + ".", proof, None, None, shown, exceptional, special)
 
 
 def _zeros(expressions: Iterable[sympy.Expr]) -> str:

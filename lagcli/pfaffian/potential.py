@@ -247,7 +247,16 @@ def _made_rational(e: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
     turned, roots = _varying(e, x)
     ways: Iterator[_RationalWay] = iter(())
     if turned and not roots:
-        ways = _by_tangent(e, x, turned)
+        # tan u, for what is the same at u + pi
+        u = min((f.args[0] for f in turned), key=_length)
+        slope = sympy.diff(u, x)
+        new, c = sympy.Dummy("s", positive=True), sympy.Dummy("c", positive=True)
+        written = guarded.cancel(_without_tangents(e).xreplace({sympy.sin(u): new * c, sympy.cos(u): c}))
+        if slope.has(x) or written.has(x) or not written.is_rational_function(new, c):
+            return None
+        even = _without_odd(written, c, 1 / (1 + new**2))
+        if even is not None:
+            ways = iter([(guarded.cancel(even / (slope * (1 + new**2))), new, sympy.tan(u))])
     elif roots and not turned and all(p.exp.is_Rational for p in roots):
         ways = _by_roots(e, x, roots)
     for integrand, new, back in ways:
@@ -255,19 +264,6 @@ def _made_rational(e: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
         if found.has(new) and writable(found):
             return _with_plain_root(found.xreplace({new: back}), x)
     return None
-
-
-def _by_tangent(e: sympy.Expr, x: sympy.Symbol, turned: list[sympy.Expr]) -> Iterator[_RationalWay]:
-    """tan u, for what is the same at u + pi."""
-    u = min((f.args[0] for f in turned), key=_length)
-    slope = sympy.diff(u, x)
-    new, c = sympy.Dummy("s", positive=True), sympy.Dummy("c", positive=True)
-    written = guarded.cancel(_without_tangents(e).xreplace({sympy.sin(u): new * c, sympy.cos(u): c}))
-    if slope.has(x) or written.has(x) or not written.is_rational_function(new, c):
-        return
-    even = _without_odd(written, c, 1 / (1 + new**2))
-    if even is not None:
-        yield guarded.cancel(even / (slope * (1 + new**2))), new, sympy.tan(u)
 
 
 def _by_roots(e: sympy.Expr, x: sympy.Symbol, roots: list[sympy.Expr]) -> Iterator[_RationalWay]:

@@ -29,7 +29,7 @@ class Line:
 
 
 def follows(line: Line) -> bool:
-    found = manifold.along(line, np.zeros(2), 0.0, 1)
+    found = manifold.along(line.at, line.rounding, np.zeros(2), 0.0, 1)
     assert found is not None
     return found.satisfies_all(np.zeros(2), 0.0, ())
 

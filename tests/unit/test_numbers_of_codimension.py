@@ -16,8 +16,10 @@ from lagcli.start import initial
 
 
 def test_a_step_over_a_manifold_is_a_half_at_first():
-    line = SimpleNamespace(at=lambda z, t: (np.zeros(1), np.array([[1.0, 0.0]])), rounding=0.0)
-    there = manifold.along(line, np.zeros(2), 0.0, 1).step(np.zeros(2), 0.0, np.ones(2))
+    def line(z, t):
+        return np.zeros(1), np.array([[1.0, 0.0]])
+
+    there = manifold.along(line, 0.0, np.zeros(2), 0.0, 1).step(np.zeros(2), 0.0, np.ones(2))
     assert np.abs(there).max() == pytest.approx(0.5, rel=1e-12)
 
 

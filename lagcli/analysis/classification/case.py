@@ -16,8 +16,6 @@ from lagcli.analysis.codimension.examine import connected
 from lagcli.compiled import NumericSystem, row_block
 from lagcli.equations.system import System
 from lagcli.frozen import frozen_value
-from lagcli.linear import rank
-from lagcli.start import projection
 from lagcli.start.initial import State
 
 if TYPE_CHECKING:
@@ -61,11 +59,6 @@ class Case:
                 found.append(CoupledGroup(differential, tuple(row for row in rows if row < s)))
         return tuple(sorted(found, key=lambda group: group.differential))
 
-    @cached_property
-    def depends_on_time(self) -> bool:
-        """True if time is a coordinate of the forms."""
-        return row_block.depends_on_time(self.system)
-
     def orbits(self, deadline: float) -> tuple[Orbit, ...]:
         """The groups whose motions from the start can be followed before a deadline of `progress.after`."""
         flags = [(group, self.flag(group, deadline)) for group in self.groups]
@@ -74,10 +67,6 @@ class Case:
             for group, found in flags
             if found.is_certain and len(found.states) > 1
         )
-
-    def rank(self, group: CoupledGroup) -> int | None:
-        """The rank of the rows of a group at the start in doubles, None where these do not tell it."""
-        return rank.estimate(projection.rows(self.numeric, self.begin).take(list(group.rows))).value
 
     def flag(self, group: CoupledGroup, deadline: float) -> NumericFlag:
         """The flag of a group by numbers; `deadline`: of `progress.after`."""

@@ -22,12 +22,13 @@ from lagcli.analysis.classification.verdict import (
     Verdict,
 )
 from lagcli.analysis.numeric_flag import NumericFlag
+from lagcli.linear import rank
 from lagcli.model.invariant import FirstIntegral
 from lagcli.pfaffian import frobenius, function_field, joint, special_points, translate
 from lagcli.pfaffian.exact import time_limit, zero_test
 from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.form import Form, PfaffianBlock
-from lagcli.start import initial
+from lagcli.start import initial, projection
 
 # Operations for the exact flag of a group before numbers are asked, and after they have shown that it does not vanish.
 PROMPT, PATIENT = 25_000, 80_000
@@ -73,7 +74,8 @@ class Classifier:
             else:
                 alone = self._integrals_alone(block.names, single)
                 together = self._locality.on_place(block, settled, alone, single)
-            if self._case.rank(group) != settled.rank:
+            rows = projection.rows(self._case.numeric, self._case.begin).take(list(group.rows))
+            if rank.estimate(rows).value != settled.rank:  # doubles tell another one
                 following = self._locality.following(block, settled)
                 together = dataclasses.replace(together, following=following)
         else:
@@ -110,10 +112,9 @@ class Classifier:
             return None
         found, values = self._alike.classify(form, self._deadline), self._translation.values
         is_special = any(self._translation.vanishes(e) for e in found.exceptional)
-        witness = None if found.witness is None else found.witness.component
-        if not is_special and witness is not None and witness.free_symbols & values.keys():
+        if not is_special and found.witness is not None and found.witness.free_symbols & values.keys():
             # The witness that no integrating factor exists may be nothing for these values.
-            is_zero = zero_test.is_zero(witness.xreplace(values), self._deadline)
+            is_zero = zero_test.is_zero(found.witness.xreplace(values), self._deadline)
             is_special = is_zero.truth is not zero_test.Truth.NO
         if not is_special and found.integral is not None:
             # A root of a parameter that is negative is none.

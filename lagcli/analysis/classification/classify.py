@@ -20,7 +20,7 @@ from lagcli.analysis.classification.verdict import (
     KnownIntegrals,
     Orbit,
 )
-from lagcli.compiled import NumericSystem
+from lagcli.compiled import NumericSystem, row_block
 from lagcli.equations import row_parameters
 from lagcli.equations import system as mechanics
 from lagcli.equations.system import System
@@ -109,7 +109,8 @@ def _classified(system: System, numeric: NumericSystem, limit: float) -> Classif
         verdicts = {v.row: v for rows, _ in judged for v in rows}
         in_order = tuple(verdicts[row.name] for row in system.rows.rows[system.holonomic_count :])
         groups = tuple(one for _, one in judged)
-        return Classified(case, Classification(in_order, groups, case.depends_on_time), conditions)
+        depends_on_time = row_block.depends_on_time(system)  # as a coordinate of the forms
+        return Classified(case, Classification(in_order, groups, depends_on_time), conditions)
     names = tuple(row.name for row in system.rows.rows[system.holonomic_count :])
     nothing = JointVerdict(names, reason=AGAIN, may_demand=True)
     return Classified(case, Classification((), (nothing,), True), conditions)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from lagcli import doubles
-from lagcli.analysis.codimension.scaled_equations import Equations, ScaledPart
+from lagcli.analysis.codimension.scaled_equations import ScaledPart
 from lagcli.arrays import Floats
 from lagcli.linear import decompositions, metric_rows, rank, surface
 from lagcli.linear.metric import Metric
@@ -24,6 +24,9 @@ from lagcli.start import initial, precise_rows, projection
 STEP, WRITTEN = 0.5, 100.0
 # Of random directions: a fixed one, so that the verdict does not change.
 SEED = 20061
+
+# F (E,) and dF/dz (E, N) at z and t; values that are not finite where a law has none.
+Equations = Callable[[Floats, float], tuple[Floats, Floats]]
 
 
 class Look:
@@ -104,16 +107,17 @@ class Manifold:
         return False
 
 
-def along(equations: Equations, z: Floats, t: float, count: int) -> Manifold | None:
-    """The manifold A F = 0 of `count` equations chosen at z, or None where no gap shows them to be so many."""
-    _, J = equations.at(z, t)
+def along(at: Equations, rounding: float, z: Floats, t: float, count: int) -> Manifold | None:
+    """The manifold A F = 0 of `count` equations chosen at z, or None where no gap shows them to be so many; rounding
+    moves values of F near zero by so much."""
+    _, J = at(z, t)
     if not np.isfinite(J).all():
         return None
-    found, rounding = rank.space(J), equations.rounding
+    found = rank.space(J)
     A = found.combinations
 
     def look(z: Floats, t: float) -> Look:
-        F, J = equations.at(z, t)
+        F, J = at(z, t)
         B = metric_rows.of_dense(A @ J)
         return Look(
             F,
@@ -131,7 +135,7 @@ def is_regular(part: ScaledPart, count: int, times: Sequence[float], independent
     if not part.coordinates:  # 0 = 0, the empty component of a vector equation
         return all(not part.at(part.begin, time)[0].any() for time in (t, *times))
     if not part.is_large:
-        found = along(part, part.begin, t, count)
+        found = along(part.at, part.rounding, part.begin, t, count)
         return found is not None and found.satisfies_all(part.begin, t, times)
     F, J = part.entries_at(part.begin, t)
     if not np.isfinite(J.values).all():

@@ -7,7 +7,6 @@ gradient: how clearly numbers show what is definite depends on units.
 from __future__ import annotations
 
 import dataclasses
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -27,17 +26,6 @@ IndexArray = npt.NDArray[np.intp]
 
 # Of random directions: a fixed one, so that the verdict does not change.
 SEED = 20061
-
-
-class Equations(Protocol):
-    """Equations F(z, t) = 0 with their derivatives by z."""
-
-    def at(self, z: Floats, t: float) -> tuple[Floats, Floats]:
-        """F (E,) and dF/dz (E, N); values that are not finite where a law has none."""
-
-    @property
-    def rounding(self) -> float:
-        """The amount by which rounding moves values of F near zero."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

@@ -14,7 +14,6 @@ omega(y) . f(y + u) + c |f(y + u)|^2 is positive for small u across Y and c larg
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -28,35 +27,6 @@ from lagcli.linear import rank, surface
 # The factor by which the weight of the barrier grows; the part of an eigenvalue to which it is known well enough; the
 # fall of the barrier at which Newton's steps end.
 GROWTH, SUFFICIENT, DECREMENT = 8.0, 0.3, 1e-3
-
-
-@dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class Deflated:
-    """G(z), z = (x, w) in scaled coordinates (m + k,), about a stress; `stresses` W (k, d)."""
-
-    part: ScaledPart
-    stress: Floats
-    stresses: Floats
-
-    def at(self, z: Floats, t: float) -> tuple[Floats, Floats]:
-        """G (k + m + d,) and its derivatives (k + m + d, m + k)."""
-        m = len(self.part.coordinates)
-        x, w = z[:m], z[m:]
-        f, B = self.part.at(x, t)
-        G = np.concatenate([f, B.T @ w, self.stresses.T @ (w - self.stress)])
-        H = self.part.hessian(x, t, w)
-        k, d = self.stresses.shape
-        return G, np.block([[B, np.zeros((k, k))], [H, B.T], [np.zeros((d, m)), self.stresses.T]])
-
-    @property
-    def begin(self) -> Floats:
-        """z of the state."""
-        return np.concatenate([self.part.begin, self.stress])
-
-    @property
-    def rounding(self) -> float:
-        """The amount by which rounding moves values of G."""
-        return self.part.rounding
 
 
 def dimension(part: ScaledPart, count: int, times: Sequence[float]) -> int | None:
@@ -80,20 +50,27 @@ def dimension(part: ScaledPart, count: int, times: Sequence[float]) -> int | Non
     c = None if across.value is None else definite_combination(across.basis @ basis @ across.basis.T)
     if c is None:
         return None
-    stress, kernel = (
-        stresses @ (differing.combinations.T @ (c / differing.sigma[: differing.low])),
-        m - across.low,
-    )
-    deflated = Deflated(part, stress / np.linalg.norm(stress), stresses)
-    begin = deflated.begin
-    found = manifold.along(deflated, begin, t, begin.size - kernel)
+    stress = stresses @ (differing.combinations.T @ (c / differing.sigma[: differing.low]))
+    stress, kernel = stress / np.linalg.norm(stress), m - across.low
+    n, k = len(part.coordinates), len(part.rows)
+
+    def deflated(z: Floats, t: float) -> tuple[Floats, Floats]:
+        """G (k + n + d,) at z = (x, w) in scaled coordinates (n + k,), and its derivatives."""
+        x, w = z[:n], z[n:]
+        f, B = part.at(x, t)
+        G = np.concatenate([f, B.T @ w, stresses.T @ (w - stress)])
+        H = part.hessian(x, t, w)
+        return G, np.block([[B, np.zeros((k, k))], [H, B.T], [np.zeros((d, n)), stresses.T]])
+
+    begin = np.concatenate([part.begin, stress])
+    found = manifold.along(deflated, part.rounding, begin, t, begin.size - kernel)
     if found is None:
         return None
     # The start is on the manifold, in its coordinates.
-    F, J = deflated.at(begin, t)
+    F, J = deflated(begin, t)
     there = found.reached(begin - rank.space(J, is_whole=False).step(F), t)
     off = doubles.SUM + surface.PARAMETERS.roundings * part.rounding
-    if there is None or np.abs((there - begin)[: len(part.coordinates)]).max(initial=0.0) > off:
+    if there is None or np.abs((there - begin)[:n]).max(initial=0.0) > off:
         return None
     return kernel if found.satisfies_all(begin, t, times) else None
 

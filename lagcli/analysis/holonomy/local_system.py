@@ -72,12 +72,6 @@ class LocalPart:
         shortest[~((shortest > doubles.STEP) & (shortest < 1 / doubles.STEP))] = 1.0
         return np.append(10.0 ** np.rint(np.log10(shortest)), 1.0)
 
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        """Names of the coordinates, then t."""
-        names = self.system.model.coordinate_names
-        return (*(names[i] for i in self.coordinates), "t")
-
     def whole(self, Z: Floats) -> Floats:
         """Configurations (N, n) of the whole system for points (N, k + 1)."""
         q = np.repeat(self.state.q[None], len(Z), axis=0)

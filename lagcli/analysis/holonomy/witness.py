@@ -116,7 +116,8 @@ def proved(words: LoopWords, goal: Goal, x: Floats) -> Witness | None:
         rate = part.forms(Z)[:, part.row, goal.along]
         if not (np.isfinite(rate).all() and ((rate > 0).all() or (rate < 0).all())):
             return None
-    names, scale = part.names, part.scale
+    names = (*(part.system.model.coordinate_names[i] for i in part.coordinates), "t")
+    scale = part.scale
     points = [p * scale for p in points]
     steps = [(len(p) - 1) // len(c) for p, c in zip(points, paths, strict=True)]
     return Witness(
