@@ -245,10 +245,8 @@ def _off(A: Floats, locked: list[int]) -> Floats:
 
 
 def _rays(A: Floats) -> tuple[list[Floats], bool]:
-    """The extreme rays (d,) of A u >= 0 in what the rows (k, d) span, of length one, where all can open at once.
-
-    Where they may be too many it is one ray, along which all open, and False.
-    """
+    """The extreme rays (d,) of A u >= 0 in what the rows (k, d) span, of length one, where all can open at once. Where
+    they may be too many it is one ray, along which all open, and False."""
     A = A[A.any(axis=1)]
     basis = rank.row_basis(A)
     numbers = list(range(len(A)))

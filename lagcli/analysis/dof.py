@@ -106,10 +106,8 @@ class Examined:
 
 @progress.phase("counting degrees of freedom")
 def examine(system: System, numeric: NumericSystem, begin: State, found: Classification) -> Examined:
-    """Counts at a consistent configuration, with the verdicts on the differential rows.
-
-    Raises `diagnostics.ModelError` where rows contradict each other.
-    """
+    """Counts at a consistent configuration, with the verdicts on the differential rows. Raises `diagnostics.ModelError`
+    where rows contradict each other."""
     names = [row.name for row in system.rows.rows]
     # Of a row that vanishes identically numbers see its rounding.
     vanishing_rows = {name for group in found.groups for name in group.vanishing}

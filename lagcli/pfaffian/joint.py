@@ -55,10 +55,8 @@ class Solution:
 
 
 def flagged(block: PfaffianBlock, time: sympy.Symbol, values: Values, deadline: float) -> Flagged:
-    """The flag of a block of real symbols, for the given values of the parameters among others.
-
-    Raises `function_field.NotDecidedError`, at the latest at `deadline`, and `function_field.ExceptionalError`.
-    """
+    """The flag of a block of real symbols, for the given values of the parameters among others. Raises
+    `function_field.NotDecidedError`, at the latest at `deadline`, and `function_field.ExceptionalError`."""
     try:
         left, gone = time_limit.run(deadline, lambda: elimination.eliminated(block, values))
         left = time_limit.run(deadline, lambda: elimination.with_constant_arguments(left))

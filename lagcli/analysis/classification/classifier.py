@@ -142,12 +142,10 @@ class Classifier:
     def _flagged(
         self, group: CoupledGroup, block: PfaffianBlock | None, budget: int
     ) -> tuple[PfaffianBlock | None, joint.Flagged | None]:
-        """The flag of exact algebra, None where the budget of operations is too little for it.
-
-        Where the parameters have values for which the flag may be another than in general, the block is given back
-        with these values put in. Raises `diagnostics.ModelError` where a combination of rows says dt = 0, and
-        `HiddenConditionsError` where one says g dt = 0.
-        """
+        """The flag of exact algebra, None where the budget of operations is too little for it. Where the parameters
+        have values for which the flag may be another than in general, the block is given back with these values put in.
+        Raises `diagnostics.ModelError` where a combination of rows says dt = 0, and `HiddenConditionsError` where one
+        says g dt = 0."""
         if block is None:
             return None, None
         values = {p: self._translation.values[p] for p in block.parameters}

@@ -59,10 +59,8 @@ def equation(condition: Condition) -> str:
 
 
 def classified(system: System, numeric: NumericSystem, limit: float = settings.LIMIT) -> Classified:
-    """The classification of a system at the consistent state nearest to its start. `limit`: seconds.
-
-    Raises `diagnostics.ModelError` where there is no such state and where rows contradict each other.
-    """
+    """The classification of a system at the consistent state nearest to its start. `limit`: seconds. Raises
+    `diagnostics.ModelError` where there is no such state and where rows contradict each other."""
     start, model = initial.declared(system), system.model
     values = tuple(part.tobytes() for part in (start.q, start.v, start.p))
     settled = row_parameters.formulas(model), model.simulation.duration, limit

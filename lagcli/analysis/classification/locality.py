@@ -225,10 +225,8 @@ class Locality:
         integrals: Sequence[FirstIntegral],
         single: Sequence[frobenius.FormVerdict | None],
     ) -> JointVerdict:
-        """The verdict where motions from the start stay; integrals: of rows that are integrable alone.
-
-        The differentials of its equations lie in the system, and count in each part of it.
-        """
+        """The verdict where motions from the start stay; integrals: of rows that are integrable alone. The
+        differentials of its equations lie in the system, and count in each part of it."""
         flag = settled.flagged.flag
         names = block.names
         inside = frozenset(name for name, is_inside in zip(names, flag.inside, strict=True) if is_inside)
@@ -276,10 +274,8 @@ class Locality:
         )
 
     def _own_factors(self, divisors: Sequence[Expression | None]) -> list[Expression] | None:
-        """The factors of divisors that vanish at the start; None where they are not known.
-
-        Of a product that vanishes there another factor may be small wherever motions come to.
-        """
+        """The factors of divisors that vanish at the start; None where they are not known. Of a product that vanishes
+        there another factor may be small wherever motions come to."""
         vanishing = [e for e in divisors if e is None or self.is_at_start(e)]
         if not vanishing:
             return []

@@ -150,9 +150,7 @@ def _followed(
     independent: set[int],
 ) -> tuple[Rows, list[Rows]]:
     """Rows that follow from the independent ones of their group alone, and the groups of which that is not shown.
-
-    Groups are looked at together in lots, and of a lot that does not follow as a whole the halves.
-    """
+    Groups are looked at together in lots, and of a lot that does not follow as a whole the halves."""
     from lagcli.analysis.codimension import manifold, scaled_equations
 
     follow: Rows = []

@@ -98,9 +98,7 @@ class ScaledPart:
 
 def _second(plain: ScaledPart, J: LocalRows) -> tuple[IndexArray, IndexArray, IndexArray, Floats]:
     """The second derivatives of rows J (k, m) that are not zero: their rows, both coordinates, and sizes, all (z,).
-
-    Rows over other coordinates each are looked at together.
-    """
+    Rows over other coordinates each are looked at together."""
     k, m = J.count, len(plain.coordinates)
     columns: list[list[int]] = [[] for _ in range(k)]
     for i, j in zip(J.row.tolist(), J.column.tolist(), strict=True):
@@ -131,11 +129,8 @@ def _second(plain: ScaledPart, J: LocalRows) -> tuple[IndexArray, IndexArray, In
 
 
 def part(system: System, numeric: NumericSystem, state: State, rows: Indices) -> ScaledPart:
-    """The part of some rows at a state.
-
-    Units of particles are the extent of their positions, the same for all of them; of generalized coordinates such that
-    these move the rows alike, with first and second derivatives.
-    """
+    """The part of some rows at a state. Units of particles are the extent of their positions, the same for all of them;
+    of generalized coordinates such that these move the rows alike, with first and second derivatives."""
     sparse = numeric.holonomic(state.t, state.q, state.p)[1][rows, :]
     coordinates = sorted(set(sparse.sparsity().get_col()))
     B, m, q = LocalRows(sparse[:, coordinates]), len(coordinates), state.q[coordinates]

@@ -76,12 +76,10 @@ def dimension(part: ScaledPart, count: int, times: Sequence[float]) -> int | Non
 
 
 def definite_combination(matrices: Floats) -> Floats | None:
-    """c (k,) of length at most one with sum c_k H_k positive definite, for H (k, m, m) of norm about one, or None.
-
-    The largest t such that H(c) - t I is positive semidefinite, H(c) = sum c_k H_k with |c| <= 1, is found by
-    Newton's method on the barrier -log det(H(c) - t I) - log(1 - |c|^2) - weight t, as the weight grows: a convex
-    problem, so that what is not found does not exist.
-    """
+    """c (k,) of length at most one with sum c_k H_k positive definite, for H (k, m, m) of norm about one, or None. The
+    largest t such that H(c) - t I is positive semidefinite, H(c) = sum c_k H_k with |c| <= 1, is found by Newton's
+    method on the barrier -log det(H(c) - t I) - log(1 - |c|^2) - weight t, as the weight grows: a convex problem, so
+    that what is not found does not exist."""
     k, m, _ = matrices.shape
     if m == 0 or k == 0:
         return None

@@ -48,11 +48,9 @@ class ControlledFrame:
 
 
 def along_axes(part: LocalPart, chosen: Integers, led: Integers, free: Integers) -> ControlledFrame:
-    """Moves along single coordinates: the `free` ones (m,) take the controls, the `led` ones (r,) follow.
-
-    X_f = e_f - A_led^-1 A_f for `chosen` independent rows (r,): the fields commute in the free coordinates, so that
-    a loop is one that a person can draw.
-    """
+    """Moves along single coordinates: the `free` ones (m,) take the controls, the `led` ones (r,) follow, by the fields
+    X_f = e_f - A_led^-1 A_f for `chosen` independent rows (r,). These commute in the free coordinates, so that a loop is
+    one that a person can draw."""
 
     def build() -> paths.PathSteps:
         z, A = part.expressions
@@ -186,10 +184,8 @@ def through(part: LocalPart, point: Floats, size: float, timed: bool) -> PathOrb
 
 
 def is_singular(part: LocalPart, point: Floats) -> bool:
-    """True if the rows are dependent at a point (k + 1,) and not beside it on their surface, or not finite.
-
-    Such a point, a chain drawn straight between two ends, has directions of the rows that no path takes.
-    """
+    """True if the rows are dependent at a point (k + 1,) and not beside it on their surface, or not finite. Such a
+    point, a chain drawn straight between two ends, has directions of the rows that no path takes."""
     kernel = _kernel(part, point)
     if kernel is None:
         return True

@@ -31,9 +31,7 @@ class LoopTimeUpError(Exception):
 @dataclasses.dataclass(frozen=True)
 class LocalPart:
     """`rows` (c,) and `coordinates` (k,) are numbers in the whole system; `row` is the one in question, in `rows`.
-
-    After `deadline` (see `progress.after`) it answers with `LoopTimeUpError`.
-    """
+    After `deadline` (see `progress.after`) it answers with `LoopTimeUpError`."""
 
     system: System
     numeric: NumericSystem
@@ -56,11 +54,9 @@ class LocalPart:
 
     @cached_property
     def scale(self) -> Floats:
-        """The units (k + 1,) in which points are counted, powers of ten.
-
-        Over about one unit of a coordinate the rows turn; without this a link of 1 cm and an angle in one row
-        could not move together. Units below the step of the quotient that shows it, or above its inverse, are one.
-        """
+        """The units (k + 1,) in which points are counted, powers of ten. Over about one unit of a coordinate the rows
+        turn; without this a link of 1 cm and an angle in one row could not move together. Units below the step of the
+        quotient that shows it, or above its inverse, are one."""
         q = np.append(self.state.q[self.coordinates], self.state.t)
         shifts = doubles.STEP * np.eye(self.k + 1)[:-1]
         here = self._forms(q[None])[0]
@@ -79,10 +75,8 @@ class LocalPart:
         return q
 
     def forms(self, Z: Floats) -> Floats:
-        """A (N, c, k + 1) at points Z (N, k + 1); not finite where a row is not. Raises `LoopTimeUpError`.
-
-        Its columns are those of displacements in the units of the points.
-        """
+        """A (N, c, k + 1) at points Z (N, k + 1); not finite where a row is not. Raises `LoopTimeUpError`. Its columns
+        are those of displacements in the units of the points."""
         self.wait()
         seconds = progress.PARAMETERS
         progress.reckon(seconds.evaluation + seconds.entry * len(Z) * self._entries[0].size)

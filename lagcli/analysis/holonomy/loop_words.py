@@ -119,11 +119,9 @@ def free_paths(
 
 
 def solved(words: LoopWords, goal: Goal, X: Floats, varied: Flags, enough: int | None = None) -> Floats:
-    """Lengths (K, q), K <= M, of paths that close, by Gauss-Newton from X (M, q) on the lengths `varied` (M, q).
-
-    Rough paths, of two steps in each segment, come near with their derivatives, then those serve fine paths, of twelve.
-    Starts that do not contract are left, and all others once `enough` are there.
-    """
+    """Lengths (K, q), K <= M, of paths that close, by Gauss-Newton from X (M, q) on the lengths `varied` (M, q). Rough
+    paths, of two steps in each segment, come near with their derivatives, then those serve fine paths, of twelve.
+    Starts that do not contract are left, and all others once `enough` are there."""
     near: list[tuple[Floats, Floats]] = []
     last = np.full(len(X), np.inf)
     wanted = np.append(np.zeros(goal.closed.size), [] if goal.amount is None else goal.amount)

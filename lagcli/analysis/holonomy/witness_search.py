@@ -37,10 +37,8 @@ SEED = 2023
 
 
 def find(system: System, numeric: NumericSystem, row: str, deadline: float) -> Witness | None:
-    """A witness for a row by name, or None where none was found before the deadline (see `progress.after`).
-
-    Raises `diagnostics.ModelError` where no consistent configuration is found, `KeyError` for an unknown row.
-    """
+    """A witness for a row by name, or None where none was found before the deadline (see `progress.after`). Raises
+    `diagnostics.ModelError` where no consistent configuration is found, `KeyError` for an unknown row."""
     names = [r.name for r in system.rows.rows]
     if row not in names:
         raise KeyError(row)
@@ -68,11 +66,9 @@ def find(system: System, numeric: NumericSystem, row: str, deadline: float) -> W
 
 
 def _bent(system: System, numeric: NumericSystem, state: State, row: int, seed: int) -> State | None:
-    """A configuration on the surface in which particles are closer to those of a row, and holonomic rows turned.
-
-    Where a chain is straight no part of it can move between ends that are fixed; drawn together it has room. None
-    where no way back to the surface is found.
-    """
+    """A configuration on the surface in which particles are closer to those of a row, and holonomic rows turned. Where
+    a chain is straight no part of it can move between ends that are fixed; drawn together it has room. None where no
+    way back to the surface is found."""
     noise = np.random.default_rng(seed).standard_normal(state.q.size)
     here, there = (
         numeric.rows(state.t, q, state.v, state.p)[0] for q in (state.q, state.q + doubles.ROOT * noise)

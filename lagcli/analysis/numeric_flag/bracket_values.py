@@ -44,7 +44,7 @@ SEED = 20062
 class BracketValues:
     """Random values of brackets on the independent differential rows of a point.
 
-    is_decimal: as in `Exact`. limits: other ones than those of the digits. Raises `undecided.Undecided`.
+    is_decimal: as in `Exact`. limits: other ones than those of the digits. Raises `spans.Undecided`.
     """
 
     def __init__(
@@ -133,10 +133,8 @@ def grown(values: BracketValues, count: int | None = None) -> Growth:
 
 
 def derived(values: BracketValues, found: Growth) -> tuple[tuple[int, ...], Span]:
-    """The dimensions of I, I', ... to zero or to the first that repeats, and the span that showed them.
-
-    They fall by brackets of all fields found so far, until the rank is that of the end.
-    """
+    """The dimensions of I, I', ... to zero or to the first that repeats, and the span that showed them. They fall by
+    brackets of all fields found so far, until the rank is that of the end."""
     end, span = found.span.rank, values.span()
     extra = [values.count]
     shapes: list[Shape] = [LEAF]
@@ -185,7 +183,7 @@ class Exact:
     """The rows at one point as written-out programs.
 
     is_decimal: a parameter 0.1 is a tenth, as it was written, and not the double next to it.
-    Raises `lie_brackets.TooMuchFill`, `multiprecision.Unknown`, and `undecided.Undecided`.
+    Raises `lie_brackets.TooMuchFill`, `multiprecision.Unknown`, and `spans.Undecided`.
     """
 
     def __init__(self, point: EvaluationPoint, is_decimal: bool) -> None:

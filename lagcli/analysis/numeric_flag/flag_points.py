@@ -39,11 +39,9 @@ SEED = 20062
 
 
 class Points:
-    """The start and other points of its orbit, as points of one block; `visited` that were met, the start first.
-
-    The duration of the run bounds how far time goes on. Raises `undecided.Undecided` where the rows are not finite at
-    the start.
-    """
+    """The start and other points of its orbit, as points of one block; `visited` that were met, the start first. The
+    duration of the run bounds how far time goes on. Raises `spans.Undecided` where the rows are not finite at the
+    start."""
 
     def __init__(self, block: RowBlock, system: System, begin: State, deadline: float) -> None:
         x, size = (
@@ -96,10 +94,8 @@ class Points:
 
     def from_point(self, point: EvaluationPoint) -> EvaluationPoint | None:
         """The point at the end of a flow along a random field of the kernel of the rows, or None, as where their rank
-        is not known.
-
-        Where the rank is lower at the point than beside it the field is one of the rows that are independent there.
-        """
+        is not known. Where the rank is lower at the point than beside it the field is one of the rows that are
+        independent there."""
         if point.all.value is None or point.surface.value is None:
             return None  # without a row that counts the flow would leave the orbit
         independent = point.independent

@@ -163,10 +163,8 @@ def _searched(known: NumericFlag, start: EvaluationPoint, given: BracketValues) 
 
 
 def _weights(point: EvaluationPoint, exact: Exact | None) -> list[list[Decimal]]:
-    """The differential rows (m,) at a point as combinations of the independent ones among them.
-
-    What holonomic rows add does not matter. Raises `undecided.Undecided` where a row only nearly depends on others.
-    """
+    """The differential rows (m,) at a point as combinations of the independent ones among them. What holonomic rows add
+    does not matter. Raises `spans.Undecided` where a row only nearly depends on others."""
     differential, s = point.differential, len(point.block.holonomic)
     m = len(point.block.differential)
     found = {row: unit(len(differential), k) for k, row in enumerate(differential)}

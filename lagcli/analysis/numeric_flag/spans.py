@@ -67,7 +67,7 @@ class Span:
         return len(self._vectors)
 
     def add(self, sample: DigitSample) -> bool:
-        """True if a sample brings something new. Raises `undecided.AmbiguousRank`."""
+        """True if a sample brings something new. Raises `spans.AmbiguousRank`."""
         rest = sample
         for index, vector in self._vectors.items():
             rest = rest.without(vector, index)
@@ -81,7 +81,7 @@ class Span:
         return True
 
     def touches(self, weights: Sequence[Decimal]) -> bool:
-        """True if a combination with weights (m,) is other than zero on the span. Raises `undecided.AmbiguousRank`."""
+        """True if a combination with weights (m,) is other than zero on the span. Raises `spans.AmbiguousRank`."""
         for vector in self._vectors.values():
             size = max((abs(w) * s for w, s in zip(weights, vector.sizes, strict=True)), default=NOTHING)
             value = sum((w * a for w, a in zip(weights, vector.values, strict=True)), NOTHING)

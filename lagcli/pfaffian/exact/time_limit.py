@@ -82,10 +82,8 @@ def check(deadline: float) -> None:
 
 def run(deadline: float, work: Callable[[], Value], budget: int | None = None) -> Value:
     """The value of `work()`, computed before `deadline` (see `progress.after`) and within a budget of `operations`.
-
     Exceptions of `work` are raised here, as by `guarded.attempt`. Raises `TimeUpError` at the limit, also where a value
-    came after it. Inside a limited piece of work a later or equal deadline costs nothing: the outer one holds.
-    """
+    came after it. Inside a limited piece of work a later or equal deadline costs nothing: the outer one holds."""
     check(deadline)
     outer: float | None = getattr(_local, "deadline", None)
     if outer is not None:
