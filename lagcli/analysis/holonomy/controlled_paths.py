@@ -49,7 +49,7 @@ class ControlledFrame:
 
 def along_axes(part: LocalPart, chosen: Integers, led: Integers, free: Integers) -> ControlledFrame:
     """Moves along single coordinates: the `free` ones (m,) take the controls, the `led` ones (r,) follow, by the fields
-    X_f = e_f - A_led^-1 A_f for `chosen` independent rows (r,). These commute in the free coordinates, so that a loop is
+    X_f = e_f - A_led^-1 A_f for `chosen` independent rows (r,). These commute in the free coordinates: a loop is
     one that a person can draw."""
 
     def build() -> paths.PathSteps:
