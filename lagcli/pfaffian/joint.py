@@ -24,6 +24,8 @@ from lagcli.pfaffian.frobenius import FormVerdict
 from lagcli.pfaffian.function_field import NotDecidedError, Values
 
 T = TypeVar("T")
+# Of the rows alone; None of one that is too large.
+RowVerdicts = Sequence[FormVerdict | None]
 
 # Operations for the search of joint integrals, which rarely ends by itself without a closed form.
 SEARCH = 40_000
@@ -66,8 +68,8 @@ def flagged(block: PfaffianBlock, time: sympy.Symbol, values: Values, deadline: 
     return Flagged(plain, gone, flags.flag(plain, deadline, time, values))
 
 
-def solution(found: Flagged, verdicts: Sequence[FormVerdict | None], deadline: float) -> Solution:
-    """Independent first integrals of I^(oo): those of rows alone first. `verdicts`: of the rows alone."""
+def solution(found: Flagged, verdicts: RowVerdicts, deadline: float) -> Solution:
+    """Independent first integrals of I^(oo): those of rows alone first."""
     wanted = found.flag.dims[-1]
     block = found.block
     basis = _Independent(block)
@@ -93,9 +95,7 @@ def solution(found: Flagged, verdicts: Sequence[FormVerdict | None], deadline: f
     return Solution(solved, tuple(unsolved[: wanted - len(accepted)]))
 
 
-def without_flag(
-    block: PfaffianBlock, wanted: int, verdicts: Sequence[FormVerdict | None], deadline: float
-) -> Solution:
+def without_flag(block: PfaffianBlock, wanted: int, verdicts: RowVerdicts, deadline: float) -> Solution:
     """Solve as `solution` does, from rows of which is known only how many integrals they have, `wanted`."""
     left, gone = elimination.eliminated(block)
     basis = _Independent(left)

@@ -28,8 +28,10 @@ from lagcli.pfaffian import frobenius, function_field, joint, special_points, tr
 from lagcli.pfaffian.exact import time_limit, zero_test
 from lagcli.pfaffian.forms import notation
 from lagcli.pfaffian.forms.form import Form, PfaffianBlock
+from lagcli.pfaffian.joint import RowVerdicts
 from lagcli.start import initial, projection
 
+Names = tuple[str, ...]
 # Operations for the exact flag of a group before numbers are asked, and after they have shown that it does not vanish.
 PROMPT, PATIENT = 25_000, 80_000
 EXCEPTIONAL = (
@@ -123,7 +125,7 @@ class Classifier:
             is_special = any(not e.xreplace(values).evalf() >= 0 for e in constant)
         return self._alike.classify(form.with_values(values), self._deadline) if is_special else found
 
-    def _names(self, rows: Iterable[int]) -> tuple[str, ...]:
+    def _names(self, rows: Iterable[int]) -> Names:
         return tuple(self._case.system.rows.rows[i].name for i in rows)
 
     def _block(self, group: CoupledGroup) -> PfaffianBlock | None:
@@ -183,9 +185,7 @@ class Classifier:
             )
         )
 
-    def _exact(
-        self, block: PfaffianBlock, flagged: joint.Flagged, single: list[frobenius.FormVerdict | None]
-    ) -> JointVerdict:
+    def _exact(self, block: PfaffianBlock, flagged: joint.Flagged, single: RowVerdicts) -> JointVerdict:
         """The joint verdict of exact algebra."""
         found, names = flagged.flag, block.names
         integrals: tuple[FirstIntegral, ...] = ()
@@ -232,11 +232,7 @@ class Classifier:
         return tuple(translate.first_integral(one.phi, one.rows, values) for one in integrals)
 
     def _numeric(
-        self,
-        names: tuple[str, ...],
-        numbers: NumericFlag,
-        single: list[frobenius.FormVerdict | None],
-        solved: tuple[FirstIntegral, ...],
+        self, names: Names, numbers: NumericFlag, single: RowVerdicts, solved: tuple[FirstIntegral, ...]
     ) -> JointVerdict:
         """The joint verdict of numbers, with the integrals `solved`, or else those of rows alone."""
         if not numbers.is_certain:
@@ -256,9 +252,7 @@ class Classifier:
             names, numbers.extra, numbers.growth, inside, integrals, (), "numeric", remarks=(remark,)
         )
 
-    def _integrals_alone(
-        self, names: tuple[str, ...], single: list[frobenius.FormVerdict | None]
-    ) -> tuple[FirstIntegral, ...]:
+    def _integrals_alone(self, names: Names, single: RowVerdicts) -> tuple[FirstIntegral, ...]:
         """The integrals of rows that are integrable alone."""
         return tuple(
             translate.first_integral(one.integral, (name,), self._translation.values)
@@ -267,7 +261,7 @@ class Classifier:
         )
 
 
-def _picked(names: tuple[str, ...], flags: tuple[bool, ...]) -> frozenset[str]:
+def _picked(names: Names, flags: tuple[bool, ...]) -> frozenset[str]:
     return frozenset(name for name, flag in zip(names, flags, strict=True) if flag)
 
 

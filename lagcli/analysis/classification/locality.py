@@ -20,11 +20,12 @@ from lagcli.analysis.classification.case import Case, CoupledGroup
 from lagcli.analysis.classification.verdict import JointVerdict
 from lagcli.analysis.numeric_flag import NumericFlag
 from lagcli.model.invariant import FirstIntegral
-from lagcli.pfaffian import frobenius, function_field, joint, special_points, translate
+from lagcli.pfaffian import function_field, joint, special_points, translate
 from lagcli.pfaffian.exact import enclosure, time_limit
 from lagcli.pfaffian.forms import form, notation
 from lagcli.pfaffian.forms.form import PfaffianBlock
 from lagcli.pfaffian.forms.notation import TIME
+from lagcli.pfaffian.joint import RowVerdicts
 from lagcli.pfaffian.special_points import Expression
 from lagcli.start import precise_rows
 
@@ -219,11 +220,7 @@ class Locality:
         )
 
     def on_place(
-        self,
-        block: PfaffianBlock,
-        settled: Settled,
-        integrals: Sequence[FirstIntegral],
-        single: Sequence[frobenius.FormVerdict | None],
+        self, block: PfaffianBlock, settled: Settled, integrals: Sequence[FirstIntegral], single: RowVerdicts
     ) -> JointVerdict:
         """The verdict where motions from the start stay; integrals: of rows that are integrable alone. The
         differentials of its equations lie in the system, and count in each part of it."""
@@ -300,11 +297,7 @@ class Locality:
         )
 
     def of_motions(
-        self,
-        together: JointVerdict,
-        block: PfaffianBlock,
-        numbers: NumericFlag,
-        single: Sequence[frobenius.FormVerdict | None],
+        self, together: JointVerdict, block: PfaffianBlock, numbers: NumericFlag, single: RowVerdicts
     ) -> JointVerdict:
         """The verdict of numbers that are certain on rows whose flag algebra did not find: of the motions from the
         start alone, with what need not hold elsewhere told as such."""

@@ -51,7 +51,11 @@ class EvaluationPoint:
         sigma = decompositions.singular_values(rows.dense)
         if not ((sigma > doubles.VALUE) & (sigma <= rank.PARAMETERS.large)).any():
             return None
-        nothing = self.roundoff
+        # The part of a row of length one, at most, that is rounding of its terms, or what the point is off the orbit
+        terms = term_sizes.of(program.written_out(self.block.rows), [self.x, self.p])[: self.plain.nnz()]
+        entries = metric_rows.LocalRows(row_block.scaled(self.plain, self.sizes))
+        scaled = terms * self.sizes[entries.column] / entries.divisors[entries.row]
+        nothing = max(doubles.VALUE, doubles.SUM * float(scaled.max(initial=0.0)), OFF * self.error)
         sure = OFF * nothing
         if ((sigma > nothing) & (sigma <= sure)).any() or not np.isfinite(nothing):
             return None
@@ -96,33 +100,12 @@ class EvaluationPoint:
         """The ranks of the holonomic rows and of all."""
         return self.surface.low, self.all.low
 
-    def in_kernel(self, u: Floats) -> Floats:
-        """The field of D at this point nearest to u (N,), both in scaled coordinates."""
-        if self.rows.is_large or self.rows.are_independent:
-            for _ in range(2):
-                u = u + self.rows.correction(np.array(self.A @ u).ravel())
-            return u
-        spanned = rank.space(self.rows.dense, is_whole=False).right[: self.all.low]
-        for _ in range(2):
-            u = u - spanned.T @ (spanned @ u)
-        return u
-
     @cached_property
     def least(self) -> float:
         """The smallest singular value that counts, of rows of length one; 1 of many rows."""
         if self.rows.is_large or not self.all.low:
             return 1.0
         return float(decompositions.singular_values(self.rows.dense)[self.all.low - 1])
-
-    @cached_property
-    def roundoff(self) -> float:
-        """The part of a row of length one, at most, that is rounding of the terms it is made of, or what the point is
-        off the orbit."""
-        terms = term_sizes.of(program.written_out(self.block.rows), [self.x, self.p])[: self.plain.nnz()]
-        rows = metric_rows.LocalRows(row_block.scaled(self.plain, self.sizes))
-        scaled = terms * self.sizes[rows.column] / rows.divisors[rows.row]
-        largest = float(scaled.max(initial=0.0))
-        return max(doubles.VALUE, doubles.SUM * largest, OFF * self.error)
 
     @property
     def first(self) -> int:
@@ -137,7 +120,18 @@ class EvaluationPoint:
             return np.zeros(0)
         random = np.random.default_rng(SEED)
         free = random.standard_normal((2 * len(differential) + 2, self.block.size))
-        projected = np.array([self.in_kernel(u) for u in free]) * self.sizes
+        # The fields of D at this point nearest to these, in scaled coordinates
+        is_plain = self.rows.is_large or self.rows.are_independent
+        spanned = None if is_plain else rank.space(self.rows.dense, is_whole=False).right[: self.all.low]
+        nearest = []
+        for u in free:
+            for _ in range(2):
+                if spanned is None:
+                    u = u + self.rows.correction(np.array(self.A @ u).ravel())
+                else:
+                    u = u - spanned.T @ (spanned @ u)
+            nearest.append(u)
+        projected = np.array(nearest) * self.sizes
         pairs = [(a, b) for i, a in enumerate(projected) for b in projected[:i]]
         brackets = np.array([np.array(self.block.curl(self.x, self.p, *pair)).ravel() for pair in pairs])
         values, size = brackets.T[differential], self.terms[differential]
