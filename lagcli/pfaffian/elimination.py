@@ -113,7 +113,7 @@ def _solution(
             if number.is_number and abs(number) <= doubles.VALUE:
                 continue
             finding = time_limit.answer(math.inf, partial(zero_test.is_zero, slope, math.inf), _BUDGET)
-            if finding is None or finding.truth is not zero_test.Truth.NO:
+            if finding is None or finding.truth is not False:
                 continue
         elif slope == 0:
             continue

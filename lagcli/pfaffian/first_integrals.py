@@ -113,7 +113,7 @@ class IntegralSearch:
                 if not potential.writable(way):
                     continue
                 rates = zero_test.vanish(self.frame.rates(way), self.deadline, self.block.surface)
-                if rates.truth is zero_test.Truth.YES and self._is_new(way):
+                if rates.truth is True and self._is_new(way):
                     # What comes after the budget is not found, at whatever moment it is ended.
                     time_limit.check(self.deadline)
                     self.found.append(SearchResult(way, proposal.how))
@@ -304,7 +304,7 @@ def single_rows(search: IntegralSearch) -> Proposals:
             tried.add(row)
             form = integrating_factors.primitive(forms.Form("row", block.variables, row, block.parameters))
             closed = zero_test.vanish(list(form.wedge().values()), search.deadline)
-            if closed.truth is not zero_test.Truth.YES:
+            if closed.truth is not True:
                 continue
             found = integrating_factors.search(form, search.deadline)
             if found is not None:

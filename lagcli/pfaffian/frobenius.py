@@ -72,16 +72,16 @@ def _judge(form: forms.Form, deadline: float) -> FormVerdict:
     coefficients = []
     for x, a in zip(form.variables, form.coefficients, strict=True):
         finding = zero_test.is_zero(a, deadline)
-        if finding.truth is zero_test.Truth.UNKNOWN:
+        if finding.truth is None:
             has_value = time_limit.answer(deadline, partial(enclosure.has_value, a))
             if has_value is False:
                 return _undecided(f"the coefficient of d({x}) has no finite real value at any point tried")
-        coefficients.append(sympy.Integer(0) if finding.truth is zero_test.Truth.YES else a)
+        coefficients.append(sympy.Integer(0) if finding.truth is True else a)
     form = replace(form, coefficients=tuple(coefficients))
     if all(a == 0 for a in form.coefficients):
         return _undecided("all coefficients vanish identically, the form states nothing")
     closed = zero_test.vanish(form.curls(), deadline)
-    if closed.truth is zero_test.Truth.YES:
+    if closed.truth is True:
         phi, one = _potential(form, deadline), sympy.Integer(1)
         if phi is None:
             method = f"{_CLOSED}; no closed form of its integral was found."
@@ -96,9 +96,7 @@ def _judge(form: forms.Form, deadline: float) -> FormVerdict:
     with contextlib.suppress(time_limit.TimeUpError):  # the whole time may be over
         until = progress.soon(deadline, _SEARCH_SHARE)
         found = time_limit.run(until, lambda: integrating_factors.search(form, until), _SEARCH)
-    exactly = (
-        "" if closed.truth is zero_test.Truth.NO else " Whether it is exact as it is written was not decided."
-    )
+    exactly = "" if closed.truth is False else " Whether it is exact as it is written was not decided."
     if found is not None:
         method = f"An integrating factor was found {found.how} and verified by differentiation.{exactly}"
         phi, poles = found.integral, _poles(found.integral, form)
@@ -119,7 +117,7 @@ def _potential(form: forms.Form, deadline: float) -> sympy.Expr | None:
         for each in (tidy_integral.potential(phi, form.variables, given), phi):
             pairs = zip(form.variables, form.coefficients, strict=True)
             defects = [forms.partial(each, x) - a for x, a in pairs]
-            if potential.writable(each) and zero_test.vanish(defects, deadline).truth is zero_test.Truth.YES:
+            if potential.writable(each) and zero_test.vanish(defects, deadline).truth is True:
                 return each
         return None
 
@@ -146,9 +144,9 @@ def _frobenius(form: forms.Form, deadline: float) -> FormVerdict:
         components = sorted(components, key=lambda c: c[1].count_ops())
     for index, component in components:
         finding = zero_test.is_zero(component, deadline)
-        if finding.truth is zero_test.Truth.NO:
+        if finding.truth is False:
             return _nonholonomic(form, index, component, deadline)
-        if finding.truth is zero_test.Truth.UNKNOWN:
+        if finding.truth is None:
             reason = reason or finding.reason
     if reason:
         return _undecided(f"whether omega ^ d omega vanishes could not be proved: {reason}")

@@ -132,8 +132,7 @@ class FunctionField:
                 values = enclosure.values_on(expression, surface)
                 self._proved[a] = any(abs(v) > enclosure.ZERO for v in values)
             else:
-                found = zero_test.is_zero(expression, self._deadline)
-                self._proved[a] = found.truth is zero_test.Truth.NO
+                self._proved[a] = zero_test.is_zero(expression, self._deadline).truth is False
         if not self._proved[a]:
             raise NotDecidedError("whether a component of the flag vanishes could not be proved")
         return a
@@ -311,7 +310,7 @@ def belongs(
     for row in () if frame.is_sure else rows:
         for column, j in enumerate(frame.free):
             terms = (row[p] * s[column] for p, s in zip(frame.pivots, frame.solved, strict=True))
-            if zero_test.is_zero(sum(terms, row[j]), deadline).truth is not zero_test.Truth.YES:
+            if zero_test.is_zero(sum(terms, row[j]), deadline).truth is not True:
                 return False
     if frame.is_sure and not surface:
         return True
@@ -330,4 +329,4 @@ def has_rank(
         if chosen.rows != size:
             return False
     determinant = guarded.call(chosen.det, method="berkowitz")
-    return zero_test.is_zero(determinant, deadline, surface).truth is zero_test.Truth.NO
+    return zero_test.is_zero(determinant, deadline, surface).truth is False

@@ -105,7 +105,7 @@ def _closed(form: forms.Form, factor: sympy.Expr) -> sympy.Expr | None:
 
 
 def _vanishes(expression: sympy.Expr) -> bool:
-    return zero_test.is_zero(expression, math.inf).truth is zero_test.Truth.YES  # a step of a strategy
+    return zero_test.is_zero(expression, math.inf).truth is True  # a step of a strategy
 
 
 def _accepted(form: forms.Form, phi: sympy.Expr, how: str, deadline: float) -> FactorResult | None:
@@ -131,11 +131,11 @@ def _verified(form: forms.Form, phi: sympy.Expr, deadline: float) -> sympy.Expr 
     for i, a in enumerate(coefficients):
         if i != k:
             minor = zero_test.is_zero(gradient[i] * coefficients[k] - gradient[k] * a, deadline)
-            if minor.truth is not zero_test.Truth.YES:
+            if minor.truth is not True:
                 return None
     own = [[gradient[k]]]
     for ((side,),) in forms.kink_sides(own, forms.moduli(own)[:MAX_KINKS]):
-        if zero_test.is_zero(side, deadline).truth is not zero_test.Truth.NO:
+        if zero_test.is_zero(side, deadline).truth is not False:
             return None
     choices = [i for i, a in enumerate(coefficients) if a != 0]
     choices = sorted(choices, key=lambda i: coefficients[i].count_ops() + gradient[i].count_ops())[:2]
@@ -143,7 +143,7 @@ def _verified(form: forms.Form, phi: sympy.Expr, deadline: float) -> sympy.Expr 
         deadline, lambda: [tidy_integral.ratio(gradient[i], coefficients[i]) for i in choices]
     )
     mu = min(ways, key=lambda way: (way.count_ops(), len(str(way))))
-    sound = zero_test.is_zero(mu * coefficients[k] - gradient[k], deadline).truth is zero_test.Truth.YES
+    sound = zero_test.is_zero(mu * coefficients[k] - gradient[k], deadline).truth is True
     return mu if sound else tidy_integral.ratio(gradient[k], coefficients[k])
 
 

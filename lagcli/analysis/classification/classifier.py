@@ -13,6 +13,7 @@ from collections.abc import Iterable
 
 from lagcli.analysis.classification import locality
 from lagcli.analysis.classification.case import Case, CoupledGroup
+from lagcli.analysis.classification.exact_start import ExactStart
 from lagcli.analysis.classification.verdict import (
     Condition,
     HiddenConditionsError,
@@ -52,7 +53,8 @@ class Classifier:
         """The verdicts of the rows of a group, and their joint one."""
         names, declared = self._names(group.differential), self._block(group)
         if declared is not None:
-            self._locality = locality.Locality(self._case, group, declared, self._translation, self._deadline)
+            start = ExactStart(self._case, group, declared, self._translation)
+            self._locality = locality.Locality(start, self._translation, self._deadline)
         block, flagged = self._flagged(group, declared, PROMPT)
         settled = self._settled(group, block, flagged)
         numbers = None if settled is not None else self._case.flag(group, self._deadline)
@@ -117,7 +119,7 @@ class Classifier:
         if not is_special and found.witness is not None and found.witness.free_symbols & values.keys():
             # The witness that no integrating factor exists may be nothing for these values.
             is_zero = zero_test.is_zero(found.witness.xreplace(values), self._deadline)
-            is_special = is_zero.truth is not zero_test.Truth.NO
+            is_special = is_zero.truth is not False
         if not is_special and found.integral is not None:
             # A root of a parameter that is negative is none.
             below = {p.base for p in translate.roots(found.integral)}

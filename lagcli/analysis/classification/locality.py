@@ -15,8 +15,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-from lagcli.analysis.classification import exact_start
-from lagcli.analysis.classification.case import Case, CoupledGroup
+from lagcli.analysis.classification.exact_start import ExactStart
 from lagcli.analysis.classification.verdict import JointVerdict
 from lagcli.analysis.numeric_flag import NumericFlag
 from lagcli.model.invariant import FirstIntegral
@@ -34,6 +33,7 @@ BUDGET = 60_000
 # No answer of algebra about a place.
 OPEN: tuple[type[Exception], ...] = (function_field.NotDecidedError, *time_limit.NO_ANSWER)
 Answer = TypeVar("Answer")
+Equations = tuple[Expression, ...]
 
 
 def agree(flagged: joint.Flagged, numbers: NumericFlag) -> bool:
@@ -52,7 +52,7 @@ class Settled:
     that of the start's side of kinks. Where rows on the place demand g dt = 0 the flag has no more than that.
     """
 
-    equations: tuple[Expression, ...]
+    equations: Equations
     flagged: joint.Flagged
     beyond: int
     vanishing: frozenset[str]
@@ -65,21 +65,10 @@ class Settled:
 
 
 class Locality:
-    """The start of a group of rows in the symbols of a translation; `deadline`: of `progress.after`.
+    """What motions from the start of a group of rows keep to; `deadline`: of `progress.after`."""
 
-    block: the group as it is declared.
-    """
-
-    def __init__(
-        self,
-        case: Case,
-        group: CoupledGroup,
-        block: PfaffianBlock,
-        translation: translate.Translation,
-        deadline: float,
-    ) -> None:
-        self._case, self._translation, self._deadline = case, translation, deadline
-        self.start = exact_start.ExactStart(case, group, block, translation)
+    def __init__(self, start: ExactStart, translation: translate.Translation, deadline: float) -> None:
+        self.start, self._translation, self._deadline = start, translation, deadline
 
     def demanded(self, block: PfaffianBlock, flagged: joint.Flagged) -> joint.Flagged | None:
         """The flag whose conditions motions from the start meet: that of general position, or on a place that they
@@ -137,7 +126,7 @@ class Locality:
                 return None
             flagged, own = there, self._own_factors(there.flag.divisors)
         whole = self._on_side(flagged.block.with_values(self._translation.values))
-        equations: tuple[Expression, ...] = ()
+        equations: Equations = ()
         found = flagged
         for _ in range(3):
             rank = _surface_rank(found) + found.flag.dims[0] - len(flagged.values)
@@ -164,23 +153,17 @@ class Locality:
         return Settled(equations, found, _surface_rank(found) - _surface_rank(flagged), vanishing, is_sided)
 
     def _kept(
-        self,
-        block: PfaffianBlock,
-        equations: tuple[Expression, ...],
-        own: Sequence[Expression],
-        rank: int | None,
-    ) -> tuple[Expression, ...] | None:
+        self, block: PfaffianBlock, equations: Equations, own: Sequence[Expression], rank: int | None
+    ) -> Equations | None:
         """The equations with those of one more place that motions from the start keep to, if they keep to any of some
         (the factors of what vanishes there); None where that is open."""
-
-        def asked(place: Expression) -> tuple[Expression, ...]:
-            return special_points.kept(block, (*equations, place), rank, self.is_at_start, self._deadline)
-
         is_open = False
         for e in own:
             if e.free_symbols <= {TIME}:
                 continue  # time goes on
-            kept = self._asked(functools.partial(asked, e))
+            place = (*equations, e)
+            search = functools.partial(special_points.kept, block, place, rank, self.is_at_start)
+            kept = self._asked(functools.partial(search, self._deadline))
             if kept:
                 return kept
             is_open |= kept is None

@@ -7,7 +7,6 @@ generic values of the parameters and wherever the expression is defined.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from enum import Enum
 from typing import Literal
 
 import sympy
@@ -18,19 +17,11 @@ from lagcli.pfaffian.exact.guarded import NoAnswerError
 Proof = Literal["symbolic", "numeric", "none"]
 
 
-class Truth(Enum):
-    """The answer to a question that may stay open."""
-
-    YES = "yes"
-    NO = "no"
-    UNKNOWN = "unknown"
-
-
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """An answer with its proof; `reason` says why an answer is unknown, `value` holds a numeric proof."""
+    """An answer, None where it is unknown, with its proof; `reason` says why it is unknown, `value` is a numeric proof."""
 
-    truth: Truth
+    truth: bool | None
     proof: Proof
     reason: str = ""
     value: enclosure.NonZero | None = None
@@ -43,19 +34,19 @@ def is_zero(
     On a surface "no" is a value at points found by Newton's method with 50 digits; exact_first: a "no" is proved by
     numbers only where there is no symbolic proof."""
     finding = _everywhere(expression, deadline, exact_first)
-    if not surface or finding.truth is Truth.YES or expression.is_Rational:
+    if not surface or finding.truth is True or expression.is_Rational:
         return finding
     try:
         values = time_limit.run(deadline, lambda: enclosure.values_on(expression, surface))
         if any(abs(value) > enclosure.ZERO for value in values):
-            return Finding(Truth.NO, "numeric")
+            return Finding(False, "numeric")
         remainder = time_limit.run(
             deadline, lambda: normal_form.NormalForm([expression], surface).element(expression)
         )
     except time_limit.NO_ANSWER as error:
         return _unknown(error)
     if remainder == 0:
-        return Finding(Truth.YES, "symbolic")
+        return Finding(True, "symbolic")
     return _unknown("whether it vanishes on the surface of the constraints is not known")
 
 
@@ -66,11 +57,11 @@ def vanish(
     unknown: Finding | None = None
     for expression in expressions:
         finding = is_zero(expression, deadline, surface)
-        if finding.truth is Truth.NO:
+        if finding.truth is False:
             return finding
-        if finding.truth is Truth.UNKNOWN:
+        if finding.truth is None:
             unknown = unknown or finding
-    return unknown or Finding(Truth.YES, "symbolic")
+    return unknown or Finding(True, "symbolic")
 
 
 def _unknown(why: Exception | str) -> Finding:
@@ -79,12 +70,12 @@ def _unknown(why: Exception | str) -> Finding:
         why = "the time was over before it was known"
     elif isinstance(why, Exception) and not isinstance(why, normal_form.NoNormalFormError):
         why = f"no normal form ({type(why).__name__})"
-    return Finding(Truth.UNKNOWN, "none", str(why))
+    return Finding(None, "none", str(why))
 
 
 def _everywhere(expression: sympy.Expr, deadline: float, exact_first: bool) -> Finding:
     if expression.is_Rational:
-        return Finding(Truth.YES if expression == 0 else Truth.NO, "symbolic")
+        return Finding(bool(expression == 0), "symbolic")
     if expression.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I):
         return _unknown("it is not a finite real expression")
 
@@ -97,19 +88,19 @@ def _everywhere(expression: sympy.Expr, deadline: float, exact_first: bool) -> F
         if not enclosure.has_value(expression):
             return _unknown("no point was found where it has a real value")
         if remainder == 0:
-            return Finding(Truth.YES, "symbolic")
+            return Finding(True, "symbolic")
         if basis.independent:
-            return Finding(Truth.NO, "symbolic")
+            return Finding(False, "symbolic")
         return _unknown("its parts may depend on each other in a way that is not known")
 
     exact = None
     try:
         if exact_first:
             exact = time_limit.run(deadline, exactly)
-        if exact is None or exact.truth is Truth.UNKNOWN:
+        if exact is None or exact.truth is None:
             number = time_limit.run(deadline, lambda: enclosure.nonzero(expression))
             if number is not None:
-                return Finding(Truth.NO, "numeric", value=number)
+                return Finding(False, "numeric", value=number)
         return exact if exact is not None else time_limit.run(deadline, exactly)
     except time_limit.TimeUpError as error:
         return _unknown(error)
