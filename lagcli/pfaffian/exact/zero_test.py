@@ -19,7 +19,7 @@ Proof = Literal["symbolic", "numeric", "none"]
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """An answer, None where it is unknown, with its proof; `reason` says why it is unknown, `value` is a numeric proof."""
+    """An answer, None where it is unknown, with its proof; `reason`: why it is unknown; `value`: a numeric proof."""
 
     truth: bool | None
     proof: Proof
