@@ -78,8 +78,15 @@ def begin(
     whole = whole or (system, numeric)
     conflict.require_lasting(*whole, state)
     lower_rank = _states_of_lower_rank(numeric, found, orbits)
-    # Rows that are dependent at the start alone are looked at where the motion leads.
-    ahead = [] if lower_rank else _ahead(whole[1], state)
+    # Rows that are dependent at the start alone are looked at where the motion leads, a little ahead on the surface.
+    speed = 0.0 if lower_rank else float(np.abs(state.v).max(initial=0.0))
+    ahead = []
+    for part in AHEAD if speed else ():
+        tau = part * initial.size(state.q) / speed
+        after = dataclasses.replace(state, t=state.t + tau)
+        q = projection.surface_at(whole[1], after).nearby(state.q + tau * state.v)
+        if q is not None and projection.is_finite(whole[1], dataclasses.replace(after, q=q)):
+            ahead.append(dataclasses.replace(after, q=q))
     along = {rank.estimate(projection.rows(numeric, point)).low: point for point in reversed(ahead)}
     count = max([found.value, *along])
     there = along[count] if count > found.value else state
@@ -111,19 +118,6 @@ def begin(
         if rank.estimate(each).value == count
     )
     return independent_rows.joined(chosen.selection, others), count > found.value
-
-
-def _ahead(numeric: NumericSystem, state: State) -> list[State]:
-    """Points of the surface a little ahead along the velocity, in time too; none where nothing moves."""
-    speed = float(np.abs(state.v).max(initial=0.0))
-    found = []
-    for part in AHEAD if speed else ():
-        tau = part * initial.size(state.q) / speed
-        later = dataclasses.replace(state, t=state.t + tau)
-        q = projection.surface_at(numeric, later).nearby(state.q + tau * state.v)
-        if q is not None and projection.is_finite(numeric, dataclasses.replace(later, q=q)):
-            found.append(dataclasses.replace(later, q=q))
-    return found
 
 
 def require_clear(system: System, numeric: NumericSystem, state: State) -> None:

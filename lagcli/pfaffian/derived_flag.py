@@ -170,7 +170,21 @@ class _FlagSearch:
         vanishing = self._field.frame(solved, here.count)
         columns = list(zip(*here.rows, strict=True))
         basis_rows = [[self._field.sum(zip(c, column, strict=True)) for column in columns] for c in vanishing]
-        return self._field.solved(basis_rows, self._time), self._common(values, solved.count)
+        found, field, rank = self._field.solved(basis_rows, self._time), self._field, solved.count
+        if rank > 2 or (rank > 1 and len(values) > 12):
+            return found, ()
+        # The factors all minors of the rank share, where they hold variables: at their zeros the rank is less.
+        minors = [a for row in values for a in row]
+        if rank == 2:
+            pairs = list(combinations(range(len(values[0])), 2))
+            minors = [
+                field.sum([(r[i], s[j]), (-r[j], s[i])]) for r, s in combinations(values, 2) for i, j in pairs
+            ]
+        above = [m.numer for m in minors if m]
+        common = reduce(lambda a, b: a.gcd(b), above) if above else field.basis.ring.one
+        variables = set(self._variables)
+        parts = [field.expression(part) for part, _ in common.factor_list()[1]]
+        return found, tuple(part for part in parts if part.free_symbols & variables and may_vanish(part))
 
     def _pairs(self, here: SolvedForms, first: SolvedForms) -> list[tuple[Row, Row]]:
         """Pairs of a frame of ker `first` with one of ker `here`; each pair once where they are one."""
@@ -224,21 +238,3 @@ class _FlagSearch:
             if is_demanded and (g is None or any(not g.numer.rem(r.numer) for r in self._field.remainders)):
                 needed = rest
         return tuple(needed)
-
-    def _common(self, values: list[Row], rank: int) -> tuple[sympy.Expr, ...]:
-        """The factors all minors of the rank share, where they hold variables: at their zeros the rank is less."""
-        if rank > 2 or (rank > 1 and len(values) > 12):
-            return ()
-        minors = [a for row in values for a in row]
-        if rank == 2:
-            pairs = list(combinations(range(len(values[0])), 2))
-            minors = [
-                self._field.sum([(r[i], s[j]), (-r[j], s[i])])
-                for r, s in combinations(values, 2)
-                for i, j in pairs
-            ]
-        above = [m.numer for m in minors if m]
-        common = reduce(lambda a, b: a.gcd(b), above) if above else self._field.basis.ring.one
-        variables = set(self._variables)
-        parts = [self._field.expression(part) for part, _ in common.factor_list()[1]]
-        return tuple(part for part in parts if part.free_symbols & variables and may_vanish(part))

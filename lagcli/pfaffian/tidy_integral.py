@@ -161,7 +161,14 @@ def integral(
     if phi.is_Add and phi.is_polynomial(*variables):
         phi = guarded.expand(phi)
     hyperbolic = [_primitive(_hyperbolic(way)) for way in (phi, factored)]
-    ways = [phi, *hyperbolic, _half_angles(phi), *_turned(phi, variables)]
+    ways = [phi, *hyperbolic, _half_angles(phi)]
+    # A product with a sum in its denominator alone is turned upside down, also as a sum: 1/x - 1/y.
+    above, below = sympy.fraction(phi)
+    if below.free_symbols and _has_sum(below):
+        turned = below / above
+        sums = [guarded.expand(turned), guarded.expand(guarded.expand_trig(turned))]
+        split = [_primitive(_without_constant(_joined(way), variables)) for way in sums]
+        ways += split if _has_sum(above) else [turned, *split]
     return _both_sides(_with_atan2(_joined(_primitive(min(ways, key=_length))), variables), given)
 
 
@@ -177,17 +184,6 @@ def ratio(above: sympy.Expr, below: sympy.Expr) -> sympy.Expr:
         if base.is_Add and n.is_Integer and n < 0 and all(a.could_extract_minus_sign() for a in base.args):
             found = found / base**n * (-base) ** n * sympy.Integer(-1) ** n
     return found
-
-
-def _turned(phi: sympy.Expr, variables: tuple[sympy.Symbol, ...]) -> list[sympy.Expr]:
-    """A product with a sum in its denominator alone turned upside down, also as a sum: 1/x - 1/y."""
-    above, below = sympy.fraction(phi)
-    if not below.free_symbols or not _has_sum(below):
-        return []
-    turned = below / above
-    ways = [guarded.expand(turned), guarded.expand(guarded.expand_trig(turned))]
-    split = [_primitive(_without_constant(_joined(way), variables)) for way in ways]
-    return split if _has_sum(above) else [turned, *split]
 
 
 def _without_constant(phi: sympy.Expr, variables: tuple[sympy.Symbol, ...]) -> sympy.Expr:

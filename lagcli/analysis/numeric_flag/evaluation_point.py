@@ -15,7 +15,7 @@ from lagcli.compiled.row_block import RowBlock
 from lagcli.expression import term_sizes
 from lagcli.linear import decompositions, independent_rows, metric_rows, rank
 from lagcli.linear.metric import Metric
-from lagcli.linear.metric_rows import MetricRows, Sparse
+from lagcli.linear.metric_rows import MetricRows
 from lagcli.linear.rank import Rank
 from lagcli.start import initial
 
@@ -37,7 +37,24 @@ class EvaluationPoint:
         A, _ = block.rows(x, p)
         self.is_finite = bool(np.isfinite(A.nonzeros()).all())
         if self.is_finite:
-            A = _without_rounding(block, A, x, p)
+            # Differential rows that are rounding alone are zero: beside the point they are far larger, or their terms.
+            s, row = len(block.holonomic), np.asarray(A.sparsity().row(), dtype=np.intp)
+            direction = np.random.default_rng(SEED + 2).standard_normal(x.size)
+            neighbour, _ = block.rows(x + doubles.ROOT * initial.size(x) * direction, p)
+            values, others = (np.array(one.nonzeros(), dtype=float) for one in (A, neighbour))
+            others = np.where(np.isfinite(others), others, values)
+            largest, change = np.zeros(A.size1()), np.zeros(A.size1())
+            np.maximum.at(largest, row, np.abs(values))
+            np.maximum.at(change, row, np.abs(others - values) / doubles.ROOT)
+            is_nothing = (largest > 0) & (largest <= doubles.SUM * change)
+            if not metric_rows.are_many(*A.shape):
+                terms = term_sizes.of(program.written_out(block.rows), [x, p])[: values.size]
+                is_rounding = np.isfinite(terms) & (np.abs(values) <= doubles.SUM * terms)
+                is_nothing |= (largest > 0) & (np.bincount(row[~is_rounding], minlength=largest.size) == 0)
+            nothing = s + np.flatnonzero(is_nothing[s:])
+            if nothing.size:
+                A = A[:, :]  # a copy
+                A[nothing.tolist(), :] = 0.0
             self.sizes = row_block.variable_sizes(A, block.kinds)
             self.plain, self.A = A, row_block.scaled(A, self.sizes)
             self.rows = MetricRows(self.A, Metric.unit(block.size), self.rank)
@@ -148,27 +165,3 @@ class EvaluationPoint:
         fields = random.standard_normal((3, 2, self.block.size)) * self.sizes
         sizes = [term_sizes.of(curl, [self.x, self.p, Y, Z]) for Y, Z in fields]
         return np.asarray(np.max(sizes, axis=0))
-
-
-def _without_rounding(block: RowBlock, A: Sparse, x: Floats, p: Floats) -> Sparse:
-    """The rows A (s + m, N), with zeros in place of differential ones that are rounding alone."""
-    s, row = len(block.holonomic), np.asarray(A.sparsity().row(), dtype=np.intp)
-    size = initial.size(x)
-    neighbour, _ = block.rows(
-        x + doubles.ROOT * size * np.random.default_rng(SEED + 2).standard_normal(x.size), p
-    )
-    values, others = (np.array(one.nonzeros(), dtype=float) for one in (A, neighbour))
-    largest, change = np.zeros(A.size1()), np.zeros(A.size1())
-    np.maximum.at(largest, row, np.abs(values))
-    np.maximum.at(change, row, np.abs(np.where(np.isfinite(others), others, values) - values) / doubles.ROOT)
-    is_nothing = (largest > 0) & (largest <= doubles.SUM * change)
-    if not metric_rows.are_many(*A.shape):
-        terms = term_sizes.of(program.written_out(block.rows), [x, p])[: values.size]
-        is_rounding = np.isfinite(terms) & (np.abs(values) <= doubles.SUM * terms)
-        is_nothing |= (largest > 0) & (np.bincount(row[~is_rounding], minlength=largest.size) == 0)
-    nothing = np.flatnonzero(is_nothing)
-    if not (nothing >= s).any():
-        return A
-    cleaned = A[:, :]  # a copy
-    cleaned[nothing[nothing >= s].tolist(), :] = 0.0
-    return cleaned
