@@ -95,18 +95,18 @@ def proved(words: LoopWords, goal: Goal, x: Floats) -> Witness | None:
     moved = np.abs(end) > controlled_paths.SEEN * goal.size
     moved[[goal.along, *goal.closed]] = False
     # The largest |A_i dz| / (|A_i| |dz|) over rows and points
-    residual = 0.0
+    residuals = []
     for passed, path in zip(points, paths, strict=True):
         before, U = passed[:-1], np.repeat(path, (len(passed) - 1) // len(path), axis=0)
         rates = controlled_paths.velocity(words.frame, before, U) * part.scale
         A = part.forms(before) / part.scale
         sizes = np.linalg.norm(A, axis=2) * np.linalg.norm(rates, axis=1)[:, None]
         rests = np.abs(np.einsum("ncz,nz->nc", A, rates)) / np.where(sizes > 0, sizes, 1.0)
-        residual = max(residual, float(rests.max(initial=0.0)))
+        residuals.append(float(rests.max(initial=0.0)))
     size = float(max(np.abs(p).max() for p in points))
     error = float(uncertain[goal.along] + closure + 4 * doubles.EPS * size)
     clear = abs(amount) > CLEAR * goal.size and error < doubles.ROOT * abs(amount)
-    if not (clear and residual < doubles.ZERO):
+    if not (clear and max(residuals) < doubles.ZERO):
         return None
     if not moved.any():
         # The row keeps its sign along the coordinate between the two ends: then any integral changes. Where others
@@ -132,7 +132,7 @@ def proved(words: LoopWords, goal: Goal, x: Floats) -> Witness | None:
         paths=tuple(  # of each move twelve points
             Path(p[::n], p[:: max(1, n // 12)]) for p, n in zip(points, steps, strict=True)
         ),
-        row_residual=residual,
+        row_residual=max(residuals),
         surface_residual=max(part.residual(p[:: max(1, len(p) // 100)] / scale) for p in points),
         closure=float(np.abs(end * scale)[goal.closed].max(initial=0.0)),
         is_shifted=False,
