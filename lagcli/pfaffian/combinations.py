@@ -17,7 +17,6 @@ from lagcli import doubles
 from lagcli.arrays import Floats
 from lagcli.linear import decompositions
 from lagcli.pfaffian.exact import constant_combinations, guarded, normal_form, sampling
-from lagcli.pfaffian.exact.guarded import SympyFailure
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.function_field import KernelFrame
 
@@ -353,7 +352,7 @@ def surfaces_of(functions: Iterable[sympy.Expr], variables: Sequence[sympy.Symbo
         try:
             for part in sympy.fraction(guarded.together(e)):
                 found += [f for f, _ in guarded.factor_list(part)[1]]
-        except SympyFailure:
+        except guarded.SympyFailure:
             continue
     moving = set(variables)
     return [f for f in dict.fromkeys(found) if f.free_symbols & moving and not isinstance(f, sympy.exp)]

@@ -17,7 +17,6 @@ import sympy
 
 from lagcli import doubles
 from lagcli.pfaffian.exact import guarded, time_limit, zero_test
-from lagcli.pfaffian.exact.guarded import SympyFailure
 from lagcli.pfaffian.forms import form as forms
 
 Substitutions = dict[sympy.Symbol, sympy.Expr]
@@ -208,7 +207,7 @@ def with_constant_arguments(block: forms.PfaffianBlock) -> forms.PfaffianBlock:
                 if not ideal:
                     ideal.append(guarded.groebner(polynomials, *variables, order="grevlex"))
                 rest = guarded.call(ideal[0].reduce, guarded.expand(u))[1]
-            except SympyFailure:  # roots of parameters that are no field of constants
+            except guarded.SympyFailure:  # roots of parameters that are no field of constants
                 rest = u
             known[u] = u if rest.free_symbols & moving else guarded.expand(rest)
         return known[u]

@@ -24,9 +24,7 @@ from lagcli.pfaffian import (
     tidy_integral,
 )
 from lagcli.pfaffian.exact import guarded, normal_form, time_limit, zero_test
-from lagcli.pfaffian.exact.guarded import NoAnswerError, SympyFailure
 from lagcli.pfaffian.forms import form as forms
-from lagcli.pfaffian.function_field import KernelFrame
 
 # Reciprocals among the letters; more letters leave lower degrees alone (`MAX_MONOMIALS`).
 MAX_RECIPROCALS = 8
@@ -107,7 +105,7 @@ class IntegralSearch:
         """Keep each proposal, or its tidy form, that is proved to be an integral that is new."""
         for proposal in strategy(self):
             ways = [proposal.integral]
-            with contextlib.suppress(NoAnswerError):
+            with contextlib.suppress(guarded.NoAnswerError):
                 ways.insert(0, time_limit.run(self.deadline, partial(neat, proposal.integral, self.frame)))
             for way in dict.fromkeys(ways):
                 if not potential.writable(way):
@@ -133,7 +131,7 @@ class IntegralSearch:
         )
 
 
-def neat(phi: sympy.Expr, frame: KernelFrame) -> sympy.Expr:
+def neat(phi: sympy.Expr, frame: function_field.KernelFrame) -> sympy.Expr:
     """The integral as a person would write it; every function of it is one as well."""
     if not phi.has(sympy.log):
         above, below = sympy.fraction(guarded.together(phi))
@@ -351,7 +349,7 @@ def _solved(f: sympy.Expr, variables: Sequence[sympy.Symbol]) -> tuple[sympy.Sym
     for x in occurring:
         try:
             roots = guarded.solve(f, x, simplify=False, check=False)
-        except SympyFailure:
+        except guarded.SympyFailure:
             continue
         good = [r for r in roots if potential.writable(r)]
         if good:
@@ -425,7 +423,7 @@ def _exponential(A: sympy.Matrix, s: sympy.Expr) -> sympy.Matrix | None:
     try:
         found = guarded.call((A * s).exp)
         found = found.applyfunc(lambda e: guarded.expand(e, complex=e.has(sympy.I)))
-    except SympyFailure:
+    except guarded.SympyFailure:
         return None
     return found if all(potential.writable(e) for e in found) else None
 

@@ -17,7 +17,6 @@ import sympy
 
 from lagcli.pfaffian import potential, tidy_integral
 from lagcli.pfaffian.exact import constant_combinations, guarded, normal_form, time_limit, zero_test
-from lagcli.pfaffian.exact.guarded import NoAnswerError
 from lagcli.pfaffian.forms import form as forms
 
 Value = TypeVar("Value")
@@ -71,7 +70,7 @@ def primitive(form: forms.Form) -> forms.Form:
     try:
         basis = normal_form.NormalForm(form.coefficients)
         entries = [basis.element(a) for a in form.coefficients]
-    except NoAnswerError:
+    except guarded.NoAnswerError:
         return form
     below = reduce(lambda a, b: a.lcm(b), (e.denom for e in entries), basis.ring.one)
     above = [e.numer * below.exquo(e.denom) for e in entries]

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 import sympy
 
 from lagcli.pfaffian.exact import guarded
-from lagcli.pfaffian.exact.guarded import NoAnswerError, SympyFailure
 from lagcli.pfaffian.forms import form as forms
 from lagcli.pfaffian.forms import notation
 
@@ -46,7 +45,7 @@ def of(form: forms.Form) -> sympy.Expr | None:
             for value in (0, 1, 2):
                 try:
                     fixed = guarded.subs(rest, earlier, value)
-                except SympyFailure:
+                except guarded.SympyFailure:
                     continue
                 if not fixed.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo, sympy.I):
                     rest = fixed
@@ -135,7 +134,7 @@ def _integrated(expression: sympy.Expr, x: sympy.Symbol) -> sympy.Expr | None:
     for way in ways:
         try:
             found = guarded.attempt(way, guarded.factor_terms(rest), x)
-        except NoAnswerError:
+        except guarded.NoAnswerError:
             continue
         if found is not None and found.has(x) and writable(found):  # a Piecewise may begin with a constant
             return total + found

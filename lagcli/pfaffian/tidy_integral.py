@@ -9,7 +9,6 @@ import sympy
 from sympy.functions.elementary.trigonometric import TrigonometricFunction
 
 from lagcli.pfaffian.exact import guarded, normal_form
-from lagcli.pfaffian.exact.guarded import NoAnswerError, SympyFailure
 
 # Operations up to which an expression is shortened at all, and by the slow tools; the few shortest are joined.
 _SHORT = 400
@@ -39,7 +38,7 @@ def shortest(expression: sympy.Expr, fine: bool = False) -> sympy.Expr:
 def _best(expression: sympy.Expr, tools: Sequence[Callable[[sympy.Expr], sympy.Expr]]) -> sympy.Expr:
     ways = [expression]
     for tool in tools:
-        with contextlib.suppress(NoAnswerError):
+        with contextlib.suppress(guarded.NoAnswerError):
             ways.append(guarded.attempt(tool, expression))
     few = sorted(dict.fromkeys(ways), key=sympy.count_ops)[:_FEW]
     return min((_joined(way) for way in few), key=_length)
@@ -148,7 +147,7 @@ def integral(
     phi = _exponentiated(_without_constant(phi, variables), variables)
     phi = factored = _without_constant(shortest(phi, fine=True), variables)
     if not (phi.is_Mul or phi.is_Pow):
-        with contextlib.suppress(SympyFailure):
+        with contextlib.suppress(guarded.SympyFailure):
             factored = guarded.factor(phi)
         factored = shortest(factored)
     if factored.is_Mul or factored.is_Pow:

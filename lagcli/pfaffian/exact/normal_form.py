@@ -21,7 +21,6 @@ from sympy.polys.groebnertools import groebner
 from sympy.polys.rings import PolyElement, PolyRing, ring
 
 from lagcli.pfaffian.exact import guarded
-from lagcli.pfaffian.exact.guarded import NoAnswerError
 
 # sin 24u is a polynomial of degree 24; roots of higher degree have as long relations.
 MAX_MULTIPLE = 24
@@ -38,7 +37,7 @@ _RadicalKey = tuple[str, int, sympy.Expr, sympy.Expr]
 _LetterKey = tuple[str] | tuple[str, sympy.Expr] | tuple[str, sympy.Expr, sympy.Expr] | _RadicalKey
 
 
-class NoNormalFormError(NoAnswerError):
+class NoNormalFormError(guarded.NoAnswerError):
     """The expression holds something the algebra of generators cannot express; the text says what."""
 
 

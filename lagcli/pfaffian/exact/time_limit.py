@@ -24,7 +24,6 @@ from sympy.core.operations import AssocOp
 
 from lagcli import progress
 from lagcli.pfaffian.exact import guarded
-from lagcli.pfaffian.exact.guarded import NoAnswerError
 
 Value = TypeVar("Value")
 
@@ -53,7 +52,7 @@ class TimeUpError(Exception):
     """The time for a piece of work is over."""
 
 
-NO_ANSWER: tuple[type[Exception], ...] = (TimeUpError, NoAnswerError)
+NO_ANSWER: tuple[type[Exception], ...] = (TimeUpError, guarded.NoAnswerError)
 """Failure or lateness of a proposal. A slip of ours (TypeError, AttributeError and the like) is none of it, and of what
 SymPy raises only what `guarded` has met at work of it."""
 

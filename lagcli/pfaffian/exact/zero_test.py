@@ -12,7 +12,6 @@ from typing import Literal
 import sympy
 
 from lagcli.pfaffian.exact import enclosure, guarded, normal_form, time_limit
-from lagcli.pfaffian.exact.guarded import NoAnswerError
 
 Proof = Literal["symbolic", "numeric", "none"]
 
@@ -83,7 +82,7 @@ def _everywhere(expression: sympy.Expr, deadline: float, exact_first: bool) -> F
         try:
             basis = guarded.attempt(normal_form.NormalForm, [expression])
             remainder = guarded.attempt(basis.element, expression)
-        except NoAnswerError as error:
+        except guarded.NoAnswerError as error:
             return _unknown(error)
         if not enclosure.has_value(expression):
             return _unknown("no point was found where it has a real value")
