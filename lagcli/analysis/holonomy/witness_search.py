@@ -39,13 +39,8 @@ SEED = 2023
 def find(system: System, numeric: NumericSystem, row: str, deadline: float) -> Witness | None:
     """A witness for a row by name, or None where none was found before the deadline (see `progress.after`). Raises
     `diagnostics.ModelError` where no consistent configuration is found, `KeyError` for an unknown row."""
-    names = [r.name for r in system.rows.rows]
-    if row not in names:
-        raise KeyError(row)
-    declared, number = (
-        assembly.assemble(system, numeric, initial.declared(system), ()).state,
-        names.index(row),
-    )
+    numbers = {r.name: number for number, r in enumerate(system.rows.rows)}
+    number, declared = numbers[row], assembly.assemble(system, numeric, initial.declared(system), ()).state
 
     def states() -> Iterator[tuple[int, State | None]]:
         """The declared configuration, three bent ones, and three beside the declared one."""

@@ -44,10 +44,8 @@ class Points:
     start."""
 
     def __init__(self, block: RowBlock, system: System, begin: State, deadline: float) -> None:
-        x, size = (
-            np.append(begin.q[block.columns], [begin.t] if block.has_time else []),
-            initial.size(begin.q),
-        )
+        size = initial.size(begin.q)
+        x = np.append(begin.q[block.columns], [begin.t] if block.has_time else [])
         self.has_switches, block = block.has_kinks, block.on_branch(x, begin.p, doubles.ZERO * size)
         self._block, self._begin, self._deadline = block, begin, deadline
         self._duration = system.model.simulation.duration or 1.0
