@@ -95,9 +95,8 @@ def coordinate(
         if given is None:
             return None
         written[key], start[key] = given
-    return model.Coordinate(
-        formulas.members, start["value"], start["rate"], name.location, written.get("value")
-    )
+    told = start["value"], start["rate"], name.location, written.get("value")
+    return model.Coordinate(formulas.members, *told)
 
 
 class ParticleReader:

@@ -210,11 +210,9 @@ class Namespace:
     def bare(self, node: tree.Node, name: str) -> ExpressionError:
         if self.is_broken(name):
             return broken(node)
-        rule = "alone it means all its members, and only in lists such as `to:`"
+        message = f"`{name}` is a family: alone it means all its members, and only in lists such as `to:`"
         hint = f"write one of its members, for example `{name}[1]`"
-        return ExpressionError(
-            "family-needs-index", f"`{name}` is a family: {rule}", node.start, node.end, hint
-        )
+        return ExpressionError("family-needs-index", message, node.start, node.end, hint)
 
     def integer_lookup(self, variables: Mapping[str, Integers]) -> Callable[[tree.Name], float | Integers]:
         def lookup(node: tree.Name) -> float | Integers:
@@ -276,9 +274,8 @@ class Namespace:
             hint = f"the members go from `{family.name(base, least)}` to `{family.name(base, most)}`"
             message = f"there is no member `{family.name(base, missing.indices)}`"
             member = missing.position if any(not isinstance(index, int) for index in indices) else None
-            raise ExpressionError(
-                "no-such-member", message, node.start, node.end, hint, member=member
-            ) from None
+            spot = node.start, node.end
+            raise ExpressionError("no-such-member", message, *spot, hint, member=member) from None
 
 
 def known(value: Either | None) -> Callable[[], Either | None]:

@@ -100,12 +100,9 @@ class ImpactEvidence:
         """The rows that are equations, and the dependent particles, before and after."""
         laws, t, one, other = self.laws, self.incidents.t, self.before, self.after
         own = [i for i in self.rows if i < laws.s]
-        held = (
-            (one.values.f[:, own], one.noise("f")[:, own]),
-            (other.values.w[:, self.rows], other.noise("w")[:, self.rows]),
-            checks_pointwise.dependent(one),
-            checks_pointwise.dependent(other),
-        )
+        after = other.values.w[:, self.rows], other.noise("w")[:, self.rows]
+        of_sides = map(checks_pointwise.dependent, (one, other))
+        held = (one.values.f[:, own], one.noise("f")[:, own]), after, *of_sides
         particles = (*one.names.q[one.n :], *one.names.v[one.n :])
         of_particles = [f"{name} {side}" for side in ("before", "after") for name in particles]
         names = [*(laws.rows[i] for i in own), *(f"rate of {laws.rows[i]}" for i in self.rows), *of_particles]

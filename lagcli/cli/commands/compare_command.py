@@ -68,9 +68,8 @@ def compare(
     for text in mu or ():
         name, equals, value = (part.strip() for part in text.partition("="))
         if not equals or not name:
-            raise exits.UsageError(
-                f"--mu {text}: write NAME=VALUE, the initial multiplier of a differential row"
-            )
+            meant = "write NAME=VALUE, the initial multiplier of a differential row"
+            raise exits.UsageError(f"--mu {text}: {meant}")
         if name in multipliers:
             raise exits.UsageError(f"--mu {name}: given twice")
         multipliers[name] = value

@@ -122,10 +122,8 @@ def _paths(ctx: typer.Context, endings: tuple[str, ...]) -> Iterator[str]:
         words = [str(name) for name in named if name]
         for word in words:
             # A model may have any ending, a table is known by its own.
-            fits = word.lower().endswith(endings) or (
-                endings == ENDINGS and not word.lower().endswith(TABLES)
-            )
-            if fits and os.path.isfile(word):
+            is_model = endings == ENDINGS and not word.lower().endswith(TABLES)
+            if (word.lower().endswith(endings) or is_model) and os.path.isfile(word):
                 yield word
     for variable in _TYPED:
         for word in os.environ.get(variable, "").split():

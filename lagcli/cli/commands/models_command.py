@@ -32,9 +32,8 @@ def models(
         raise exits.UsageError("-o copies one model: give its NAME; `lagcli models` lists them")
     gallery = first_models.models()
     if not gallery:
-        raise exits.UsageError(
-            "this installation holds no gallery: install the wheel, or run from a checkout"
-        )
+        hint = "install the wheel, or run from a checkout"
+        raise exits.UsageError(f"this installation holds no gallery: {hint}")
     if name is None:
         # All models by subject
         if as_json:

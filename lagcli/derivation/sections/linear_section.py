@@ -150,9 +150,8 @@ def matrices(system: Symbolic, point: LinearPoint) -> Matrices:
         at.enter_slopes(linear["K"], i, residual[i], system.q)
     for r, row in enumerate(system.rows):
         if point.kind == "general" and row.b != 0:
-            raise NotLinearizedError(
-                f"the row {row.name} moves, so that there is no point of rest in general"
-            )
+            reason = "moves, so that there is no point of rest in general"
+            raise NotLinearizedError(f"the row {row.name} {reason}")
         for i, slope in row.B.items():
             at.enter(linear["B"], (r, i), slope)
         if row.f is None:
@@ -211,9 +210,8 @@ class _Substitution:
         part[index] = put
 
     def _put(self, value: sympy.Expr) -> sympy.Expr:
-        return tidy(
-            tidy(self._calculus.expanded(value, self._rates)).xreplace(self._on_surface).xreplace(self.zeros)
-        )
+        plain = tidy(self._calculus.expanded(value, self._rates))
+        return tidy(plain.xreplace(self._on_surface).xreplace(self.zeros))
 
     def require_smooth(self, values: list[sympy.Expr]) -> None:
         """Raise `NotLinearizedError` where something bends or jumps at the very point."""

@@ -91,9 +91,7 @@ class Signs:
             self._show(symbol, f.Sign("e", (axis,), vector=True), f"e_{axis}", VECTOR)
         # A script letter where the model calls something else T, V or L
         pairs = zip("TVL", "𝒯𝒱ℒ", strict=True)
-        self.energies = {
-            letter: self._free(letter, f.Sign(letter), f.Sign(script)) for letter, script in pairs
-        }
+        self.energies = {plain: self._free(plain, f.Sign(plain), f.Sign(script)) for plain, script in pairs}
         self._abbreviations()
 
     def show(self, symbol: sympy.Symbol, wanted: f.Sign, name: str) -> f.Sign:
@@ -279,9 +277,8 @@ class Signs:
         leading = next((i for i, kind in enumerate(LEADING) if kind in kinds), len(LEADING))
         leads = sorted(place[1:] for place in kinds_of if place[0] in LEADING[leading : leading + 1])
         powers = term.as_coeff_Mul()[1].as_powers_dict()
-        power = sum(
-            int(e) for b, e in powers.items() if self._kinds.get(b, (SUM,))[0] == RATE and e.is_Integer
-        )
+        of_rates = (e for b, e in powers.items() if self._kinds.get(b, (SUM,))[0] == RATE)
+        power = sum(int(e) for e in of_rates if e.is_Integer)
         return leading, -power, leads, sorted(kinds_of), sympy.default_sort_key(term)
 
     def _signed(self, term: sympy.Expr) -> tuple[int, f.FormulaNode]:

@@ -119,9 +119,9 @@ def without_squares(
         return (1 - other(base.args[0]) ** 2) ** (exponent // 2) * base ** (exponent % 2)
 
     def is_square(part: sympy.Expr) -> bool:
-        return bool(
-            part.is_Pow and isinstance(part.base, squared) and part.exp.is_Integer and 2 <= part.exp <= 6
-        )
+        if not (part.is_Pow and isinstance(part.base, squared)):
+            return False
+        return bool(part.exp.is_Integer and 2 <= part.exp <= 6)
 
     return sympy.expand(value.replace(is_square, less))
 

@@ -166,19 +166,8 @@ latex = Markup(
 """The formula in LaTeX's math mode."""
 
 _ACCENTS = {"\u0307": r"\dot", "\u0308": r"\ddot"}
-_IN_WORDS = {
-    "…": r"\dots{}",
-    "ᵀ": r"$^{T}$",
-    "⁻": r"$^{-}$",
-    "¹": r"$^{1}$",
-    "−": "$-$",
-    "·": r"$\cdot$",
-    "Σ": r"$\sum$",
-    "≤": r"$\le$",
-    "≥": r"$\ge$",
-    "⊥": r"$\perp$",
-    "ġ": r"$\dot{g}$",
-}
+_COMMANDS = r"\dots{} $^{T}$ $^{-}$ $^{1}$ $-$ $\cdot$ $\sum$ $\le$ $\ge$ $\perp$ $\dot{g}$"
+_IN_WORDS = dict(zip("…ᵀ⁻¹−·Σ≤≥⊥ġ", _COMMANDS.split(), strict=True))
 
 
 def latex_words(text: str) -> str:

@@ -53,13 +53,9 @@ class Outline:
 
     def settable(self) -> tuple[str, ...]:
         """The names that `--set` takes: parameters and initial values, but for those of families."""
-        particles = [name for name in self.of("particles") if "[" not in name]
-        coordinates = [name for name in self.of("coordinates") if "[" not in name]
-        return (
-            *self.of("parameters"),
-            *(f"{name}.{field}" for name in coordinates for field in ("value", "rate")),
-            *(f"{name}.{part}" for name in particles for part in (*AXES, "vx", "vy", "vz")),
-        )
+        fields = (("coordinates", ("value", "rate")), ("particles", (*AXES, "vx", "vy", "vz")))
+        names = ((name, parts) for section, parts in fields for name in self.of(section) if "[" not in name)
+        return (*self.of("parameters"), *(f"{name}.{part}" for name, parts in names for part in parts))
 
 
 EMPTY = Outline({}, frozenset())
