@@ -20,6 +20,7 @@ import casadi as ca
 from lagcli.native import operations
 from lagcli.native.instructions import LANES, Body, Index
 from lagcli.native.operations import Refusal, literal
+from lagcli.smoothness import operation_graph
 
 Numbers = Sequence[int]
 
@@ -75,22 +76,20 @@ class _Numbers:
 
     def __init__(self, text: Module, body: Body, function: ca.Function) -> None:
         self._text, self._body, self._function = text, body, function
-        count = function.n_instructions()
-        self._names = [operations.NAMES[function.instruction_id(k)] for k in range(count)]
-        self._out = [function.instruction_output(k) for k in range(count)]
-        self._of = [function.instruction_input(k) for k in range(count)]
+        self._instructions = operation_graph.instructions(function)
         # The last instruction that reads what each one writes.
-        self._last, coming = [0] * count, dict[int, int]()
-        for k in reversed(range(count)):
-            if self._names[k] != "OP_OUTPUT":
-                self._last[k] = coming.pop(self._out[k][0], 0)
-            if self._names[k] != "OP_INPUT":
-                for register in self._of[k]:
+        self._last, coming = [0] * len(self._instructions), dict[int, int]()
+        for k in reversed(range(len(self._instructions))):
+            op, of, out, _ = self._instructions[k]
+            if op != ca.OP_OUTPUT:
+                self._last[k] = coming.pop(out[0], 0)
+            if op != ca.OP_INPUT:
+                for register in of:
                     coming.setdefault(register, k)
 
     def add(self, name: str, head: str) -> None:
         """All instructions of the function of this name, with its arguments as they are written at its head."""
-        count = len(self._names)
+        count = len(self._instructions)
         if count <= LONGEST_WHOLE:
             self._add(self._body, 0, count)
             return
@@ -110,17 +109,16 @@ class _Numbers:
                 values[register] = body.load("%work", register)
             return values[register]
 
-        for k in range(begin, end):
-            name, out, of = self._names[k], self._out[k], self._of[k]
-            if name == "OP_OUTPUT":
+        for k, (op, of, out, constant) in enumerate(self._instructions[begin:end], start=begin):
+            if op == ca.OP_OUTPUT:
                 body.store(read(of[0]), f"%o{out[0]}", out[1])
                 continue
-            if name == "OP_CONST":
-                value = literal(self._function.instruction_constant(k))
-            elif name == "OP_INPUT":
+            if op == ca.OP_CONST:
+                value = literal(constant)
+            elif op == ca.OP_INPUT:
                 value = body.load(f"%i{of[0]}", of[1])
             else:
-                value = operations.scalar(body, name, *map(read, of))
+                value = operations.scalar(body, operations.NAMES[op], *map(read, of))
             values[out[0]] = value
             if self._last[k] >= end:
                 body.store(value, "%work", out[0])

@@ -47,7 +47,10 @@ class Code(NamedTuple):
     entries: dict[str, Callable[[ctypes.Array[ctypes.c_void_p]], None]]
 
 
-ENTRIES = ("step", "dense", "inside")
+ENTRIES = ("project", "step", "dense", "inside")
+# The results of `NumericSystem.project` beside the motion.
+PROJECTED = ("there", "rate_there", "status_there", "sizes_there")
+DOUBLE = ctypes.sizeof(ctypes.c_double)
 # Numbers that the loop itself makes.
 LOOPS_OWN = ("reached", "grow", "uncut", "when")
 # The name of the number in an object file that says what memory its functions take.
@@ -61,6 +64,7 @@ class NativeFunctions:
         bound, rows, method = run.bound, run.trial.rows, run.method
         step = bound.staged.function
         functions: dict[str, ca.Function] = {
+            "project": bound.scratch.function,
             "step": step,
             "dense": rows.dense.function,
             "inside": rows.inside.function,
@@ -75,6 +79,7 @@ class NativeFunctions:
         self._functions = functions
         stages = tuple(f"stage{i}" for i in range(step.n_out() - 3))
         arrays = {
+            "project": ("there_t", "there_y", "p", *PROJECTED),
             "step": ("t", "h", "y", "k", "tolerance", "p", "new", "k_new", "status", *stages),
             "dense": ("t", "h", "y", "new", "k_new", "p", "k", *stages, "coefficients"),
             "inside": ("at", "x", "y", "coefficients", "p", "line"),
@@ -91,12 +96,14 @@ class NativeFunctions:
             arrays[f"clear{i}"] = ("when", "h", "y", "k", "new", "k_new", "p", f"clear{i}")
         self._arrays = {name: arrays[name] for name in functions}
         rules = [(name, each) for name, each in functions.items() if name not in ENTRIES]
-        # The numbers of arrays that the loop alone reads: results of the rules, and arguments that it makes itself.
-        self.own = dict.fromkeys(LOOPS_OWN, 1) | {
+        # Where arrays stand that the loop alone reads: results of the rules, and arguments that it makes itself.
+        sizes = dict.fromkeys(LOOPS_OWN, 1) | {
             array: each.numel_out(i)
             for name, each in rules
             for i, array in enumerate(arrays[name][each.n_in() :])
         }
+        self.own = dict(zip(sizes, itertools.accumulate(sizes.values(), initial=0), strict=False))
+        self.own_size = sum(sizes.values())
         self.table = tuple(
             dict.fromkeys(["lines", "control", *LOOPS_OWN, *itertools.chain(*self._arrays.values())])
         )
@@ -229,23 +236,34 @@ class NativeSteps:
         bound, rows = self._run.bound, self._run.trial.rows
         t, h, y, k, tolerance, p = bound.arguments
         new, k_new, status, *stages = bound.staged.results
-        arrays = {"t": t, "h": h, "y": y, "k": k, "tolerance": tolerance, "p": p}
+        arrays = {"t": t, "h": h, "y": y, "k": k, "tolerance": tolerance, "p": p, "control": self._control}
         arrays |= {"new": new, "k_new": k_new, "status": status, "coefficients": rows.dense.results[0]}
         arrays |= {f"stage{i}": stage for i, stage in enumerate(stages)}
         arrays |= {"at": rows.inside.arguments[0], "x": rows.inside.arguments[1], "line": rows.line}
-        arrays |= {"control": self._control, "lines": self._control}
-        # Others are of the loop alone.
-        own = self._functions.own
-        self._arrays = [
-            np.zeros(own[name]) if name in own else arrays[name] for name in self._functions.table
-        ]
-        self._arrays.insert(0, np.empty(code.taken))
-        self._table = (ctypes.c_void_p * len(self._arrays))(*map(_address, self._arrays))
+        # The arrays of the loop alone, and behind them what functions take while they run.
+        functions = self._functions
+        self._memory = np.zeros(functions.own_size + code.taken)
+        begin = _address(self._memory)
+        addresses = {name: begin + DOUBLE * offset for name, offset in functions.own.items()}
+        addresses |= {name: _address(array) for name, array in arrays.items()}
+        table = [addresses.get(name, 0) for name in functions.table]
+        work = begin + DOUBLE * functions.own_size
+        self._table = (ctypes.c_void_p * (1 + len(table)))(work, *table)
+        self._projects = False
         for name, function in (
             *(("step", bound.step), ("step", bound.staged)),
             *(("dense", rows.dense), ("inside", rows.inside)),
         ):
             function.trigger = functools.partial(code.entries[name], self._table)
+
+    def _project(self, code: Code) -> None:
+        """Let the projection beside the motion be that of the code too."""
+        self._projects, scratch = True, self._run.bound.scratch
+        arrays = {"there_t": scratch.arguments[0], "there_y": scratch.arguments[1]}
+        arrays |= dict(zip(PROJECTED, scratch.results, strict=True))
+        for name, array in arrays.items():
+            self._table[1 + self._functions.table.index(name)] = _address(array)
+        scratch.trigger = functools.partial(code.entries["project"], self._table)
 
     def _loop(self, code: Code) -> None:
         """Go on in the loop, and take over where it ends."""
@@ -273,6 +291,8 @@ class NativeSteps:
         foreseen = Prediction(instant, int(component), *rest) if instant < math.inf else NEVER
         seen = () if watch[0] == math.inf else tuple(watch[:4])
         run.watch = SingularityMonitor(seen, foreseen)
+        if foreseen is not NEVER and not self._projects:
+            self._project(code)  # which a step across asks for thousands of times
         writer.next_row, run.row_time, writer.last = int(next_row), row_time, last
         writer.begun, writer.filled = begun, int(filled)
         statistics.steps += steps

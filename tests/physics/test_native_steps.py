@@ -79,6 +79,38 @@ def test_native_code_takes_nearly_all_steps_of_an_ordinary_run():
     assert stats.steps - 2 <= stats.native_steps < stats.steps
 
 
+@pytest.mark.parametrize(
+    ("name", "longest", "others"),
+    [
+        ("water-vibrations", None, 2),
+        ("pendulum", 0.01, 2),
+        ("particle-in-a-box", None, 33),
+        ("stadium", None, 9),
+    ],
+)
+def test_it_takes_steps_that_are_cut_or_screened_and_those_behind_impacts(name, longest, others, soon):
+    model = lagcli.load(next(path for path in MODELS if path.stem == name))
+    run = lagcli.simulate(model, compile="always", max_step=longest)
+    assert bits(run) == bits(lagcli.simulate(model, compile="never", max_step=longest))
+    assert run.stats.steps - run.stats.native_steps <= others
+
+
+def test_a_chain_of_a_hundred_links_has_native_code(soon):
+    links = """
+lagcli: 1
+particles:
+  p[i]: {for: "i = 1..100", mass: 1, position: [0.6*i, 0, -0.8*i]}
+forces: {weight: {to: p, force: [0, 0, -9.81*m]}}
+holonomic:
+  hook: norm(p[1]) = 1
+  link[i]: {for: "i = 2..100", equation: "distance(p[i], p[i-1]) = 1"}
+simulation: {duration: 0.1, samples: 3}
+"""
+    run = lagcli.simulate(lagcli.loads(links), compile="always")
+    assert bits(run) == bits(lagcli.simulate(lagcli.loads(links), compile="never"))
+    assert run.stats.native_steps
+
+
 def test_a_run_goes_over_to_native_code_when_it_pays(monkeypatch):
     model = lagcli.loads(PENDULUM)
     plain = bits(lagcli.simulate(model, duration=20, compile="never"))
