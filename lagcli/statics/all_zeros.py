@@ -19,7 +19,6 @@ from lagcli import doubles
 from lagcli.arrays import Floats
 from lagcli.expression import enclosures
 from lagcli.expression.enclosures import NoBounds, NoValue
-from lagcli.linear import decompositions
 from lagcli.smoothness import sides
 from lagcli.statics import algebraic_zeros, point_search, polynomial_equations, refine
 from lagcli.statics.point_search import PointSearch
@@ -206,9 +205,9 @@ def pieces(force: Force, length: float, is_angle: bool) -> tuple[list[Piece], li
         turn = (-np.pi + 0.0123 - doubles.VALUE, np.pi + 0.0123 + doubles.VALUE)
         isolated, undecided, _ = _halved(force, [turn], left, length)
         return isolated, undecided
-    # Shells that share the intervals, from one size of things up to a million; where they end no zero is likely
+    # Shells that share the intervals, from one size of things up to a million
     isolated, undecided = [], []
-    ends = [length * decompositions.generic_parts(9)[-2] * 10.0**k for k in range(7)]
+    ends = [length * point_search.PARAMETERS.uneven * 10.0**k for k in range(7)]
     for k, end in enumerate(ends):
         shell = [(-end, end)] if not k else [(-end, -ends[k - 1]), (ends[k - 1], end)]
         own, unknown, count = _halved(force, shell, left // (len(ends) - k), length)

@@ -63,6 +63,9 @@ class SearchParameters:
     `test_kinks_are_looked_at_among_three_contacts` fails at 0 and 30."""
     most_named: int = 4
     """Places that notes of one kind name. `test_four_undecided_pieces_are_named` fails at 0 and 40."""
+    uneven: float = 1.0371
+    """The end of the first shell of a line in sizes of things: no decimal number is one, for there zeros are likely.
+    `test_all_zeros_of_one_unknown_lie_within_a_million_sizes` fails at 0.10371 and 10.371."""
 
 
 PARAMETERS = SearchParameters()
