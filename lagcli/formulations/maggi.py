@@ -256,13 +256,8 @@ def run(
     q, v, p = begin
     functions, statistics = DenseFunctions(system, p), ReducedStatistics()
     # The columns of R of Cartesian particles and generalized coordinates, in the order of q
-    cartesian = [
-        name for each in system.model.particles if not each.is_dependent for name in each.members.names
-    ]
-    names = [f"R.{name}.{axis}" for name in cartesian for axis in "xyz"]
-    names += [f"R.{name}" for name in system.model.generalized_names]
     indices = {name: 1 + i for i, name in enumerate(system.columns)}
-    columns = [indices[name] for name in names]
+    columns = [indices[f"R.{name}"] for name in system.model.coordinate_names]
     found: list[Floats] = []
     stopped = None
     try:

@@ -14,14 +14,13 @@ import numpy as np
 
 from lagcli import doubles
 from lagcli.arrays import Complex, Floats
-from lagcli.equations.system import System
 from lagcli.errors import diagnostics
 from lagcli.linear import decompositions
 from lagcli.linearization import floquet, lowest, spectrum
 from lagcli.linearization.linearized import LinearizedFunctions, Reference
 from lagcli.linearization.reference import Steady
 from lagcli.linearization.spectrum import Spectrum
-from lagcli.model.model import Units
+from lagcli.model.model import Model, Units
 
 About = Literal["equilibrium", "steady", "periodic"]
 
@@ -141,7 +140,7 @@ def modes(
         count = eigenvalues.size
     return Modes(
         "equilibrium" if found.kind == "equilibrium" else "steady",
-        _state_columns(functions.system, found.here),
+        _state_columns(model, found.here),
         model.coordinate_names,
         frequencies,
         eigenvalues,
@@ -192,7 +191,7 @@ def of_cycle(orbit: floquet.FollowedMotion, T: float, notes: tuple[str, ...]) ->
     model, judged = orbit.functions.system.model, of_multipliers(multipliers, T, not orbit.numeric.has_time)
     return Modes(
         "periodic",
-        _state_columns(orbit.functions.system, orbit.here),
+        _state_columns(model, orbit.here),
         model.coordinate_names,
         None,
         (np.log(multipliers) / T).astype(complex),
@@ -207,14 +206,11 @@ def of_cycle(orbit: floquet.FollowedMotion, T: float, notes: tuple[str, ...]) ->
     )
 
 
-def _state_columns(built: System, here: Reference) -> dict[str, float]:
+def _state_columns(model: Model, here: Reference) -> dict[str, float]:
     """The coordinates of a state by their columns, and velocities where some are not zero."""
-    names = built.model.coordinate_names
-    generalized = set(built.model.generalized_names)
-    columns = {name: float(x) for name, x in zip(names, here.q, strict=True)}
+    columns = dict(zip(model.coordinate_names, here.q.tolist(), strict=True))
     if np.any(here.v):
-        speeds = [f"rate({name})" if name in generalized else f"{name[:-1]}v{name[-1]}" for name in names]
-        columns |= {name: float(x) for name, x in zip(speeds, here.v, strict=True)}
+        columns |= zip(model.rate_names, here.v.tolist(), strict=True)
     return columns
 
 

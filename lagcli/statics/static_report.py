@@ -133,10 +133,9 @@ class PointColumns:
 
     def at(self, q: Floats) -> dict[str, float]:
         """Positions of all particles, then the generalized coordinates."""
-        names = [f"{name}.{axis}" for name in self._model.particle_names for axis in "xyz"]
-        generalized = self._model.generalized_names
         positions = self._positions(self._t, q, self._p).full().ravel().tolist()
-        return _named([*names, *generalized], [*positions, *q[q.size - len(generalized) :].tolist()])
+        names = self._model.state_columns[0]
+        return _named(names, [*positions, *q[q.size - len(names) + len(positions) :].tolist()])
 
     def reactions(self, q: Floats, lam: Floats, are_of_rows: bool) -> dict[str, float]:
         """R of all particles, then of the generalized coordinates, lam (C + K,); or, by the coordinates, the sum of
@@ -144,9 +143,8 @@ class PointColumns:
         R, Q = (part.full().ravel().tolist() for part in self._reactions(self._t, q, lam, self._p))
         if are_of_rows:
             return _named([f"R.{name}" for name in self._model.coordinate_names], Q)
-        names = [f"R.{name}.{axis}" for name in self._model.particle_names for axis in "xyz"]
-        names += [f"R.{name}" for name in self._model.generalized_names]
-        return _named(names, [*R, *Q[len(Q) - len(self._model.generalized_names) :]])
+        names = [f"R.{name}" for name in self._model.state_columns[0]]
+        return _named(names, [*R, *Q[len(Q) - len(names) + len(R) :]])
 
 
 def place(names: Sequence[str], q: Floats) -> str:
