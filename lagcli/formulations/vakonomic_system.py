@@ -202,39 +202,34 @@ def require_action(built: system.System, t: float, q: Floats, p: Floats) -> None
         for law in built.model.inequality
         if law.members.count
     ]
+    if found:
+        raise diagnostics.ModelError(found)
     symbols = built.symbols
     is_fast, has_curl = ca.depends_on(built.dynamics.driving, symbols.v), False
     slope = ca.jacobian(built.dynamics.driving, symbols.q)
-    if not found and not is_fast and slope.nnz():
+    if not is_fast and slope.nnz():
         # dQ_i/dq_j and dQ_j/dq_i near the start
         slopes = SizedFunction("slopes", [symbols.t, symbols.q, built.p], [ca.densify(slope)])
         size = float(np.abs(q).max(initial=0.0)) or 1.0
         draws = np.random.default_rng(0).uniform(-1.0, 1.0, (SAMPLES, q.size))
         values = (np.array(slopes(t + 0.1 * k, q + WIDTH * size * draw, p)) for k, draw in enumerate(draws))
         has_curl = any(np.isfinite(each).all() and not decompositions.is_symmetric(each) for each in values)
-    if not found and (is_fast or has_curl):
-        # The texts of the forces that act and have no declared potential: the first of them is named.
-        texts: list[nouns.Expression] = []
-        for force in built.model.forces:
-            if isinstance(force, nouns.Potential) or not force.action.targets.size:
-                continue
-            if isinstance(force, nouns.GeneralizedForce):
-                texts.append(force.force)
-            elif not force.constant:
-                texts.append(force.force.parts[0])
-        together = len(texts) > 1
-        if is_fast:
-            reason = "they depend on velocities" if together else "it depends on velocities"
-        else:
-            reason = f"{'they have' if together else 'it has'} a curl: the work it does depends on the path"
-        subject = "the forces without a declared potential have" if together else "this force has"
-        found.append(
-            diagnostics.Diagnostic(
-                "not-of-an-action",
-                f"{subject} no potential, and so no place in an action: {reason}",
-                texts[0].location,
-                "vakonomic motion is that of a Lagrangian; leave the force out, or write its potential",
-            )
-        )
-    if found:
-        raise diagnostics.ModelError(found)
+    if not is_fast and not has_curl:
+        return
+    # The texts of the forces that act and have no declared potential: the first of them is named.
+    texts: list[nouns.Expression] = []
+    for force in built.model.forces:
+        if isinstance(force, nouns.Potential) or not force.action.targets.size:
+            continue
+        if isinstance(force, nouns.GeneralizedForce):
+            texts.append(force.force)
+        elif not force.constant:
+            texts.append(force.force.parts[0])
+    together = len(texts) > 1
+    reason = f"{'they have' if together else 'it has'} a curl: the work it does depends on the path"
+    if is_fast:
+        reason = "they depend on velocities" if together else "it depends on velocities"
+    subject = "the forces without a declared potential have" if together else "this force has"
+    message = f"{subject} no potential, and so no place in an action: {reason}"
+    hint = "vakonomic motion is that of a Lagrangian; leave the force out, or write its potential"
+    raise diagnostics.error("not-of-an-action", message, texts[0].location, hint)

@@ -126,9 +126,7 @@ def modes(
             free = spectrum.freedoms(found.linear, functions.stiffness_terms(found.here, found.linear))
         except spectrum.NoFreedomsError as error:
             row = functions.system.rows.rows[-1]
-            raise diagnostics.ModelError(
-                [diagnostics.Diagnostic("singular-constraints", str(error), row.location)]
-            ) from None
+            raise diagnostics.error("singular-constraints", str(error), row.location) from None
         every = spectrum.compute(free)
         values, shapes, verdict = every.values, _shapes(every), _verdict(functions, found, every, is_minimum)
         # Angular frequencies, one for each freedom of positions; none where some eigenvalue has a real part

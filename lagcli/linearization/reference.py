@@ -50,18 +50,32 @@ def is_balanced(linear: Linear, part: float = doubles.ZERO, least: float = 0.0) 
 def classified(
     functions: LinearizedFunctions, numeric: NumericSystem, here: Reference, duration: float
 ) -> Steady | None:
-    """The steady motion that a consistent state is an instant of, or None. duration: over which it is looked at."""
+    """The steady motion that a consistent state is an instant of; None where it does not go on so over a duration."""
+    kind: Kind = "steady"
     if is_at_rest(here.q, here.v, duration):
         still = dataclasses.replace(here, v=np.zeros_like(here.v), a=np.zeros_like(here.a))
         linear = functions.at(still)
         if is_balanced(linear):
-            return _lasting(functions, numeric, Steady("equilibrium", still, linear), duration)
-    # The accelerations, 0 where the forces balance each other
-    still = dataclasses.replace(here, a=np.zeros_like(here.q))
-    linear = functions.at(still)
-    balanced = is_balanced(linear, doubles.ZERO, _least(linear, here, duration))
-    here = still if balanced else dataclasses.replace(here, a=functions.acceleration(here))
-    return _lasting(functions, numeric, Steady("steady", here, functions.at(here)), duration)
+            kind, here = "equilibrium", still
+    if kind == "steady":
+        # The accelerations, 0 where the forces balance each other
+        still = dataclasses.replace(here, a=np.zeros_like(here.q))
+        linear = functions.at(still)
+        balanced = is_balanced(linear, doubles.ZERO, _least(linear, here, duration))
+        here = still if balanced else dataclasses.replace(here, a=functions.acceleration(here))
+        linear = functions.at(here)
+    elif not numeric.has_time:
+        return Steady(kind, here, linear)
+    same, least = True, _least(linear, here, duration)
+    for part in PATH_PARTS:
+        there = moved(here, part * duration)
+        if not functions.is_on_rows(there):
+            return None
+        later = functions.at(there)
+        if not np.isfinite(later.values).all() or not is_balanced(later, doubles.ZERO, least):
+            return None
+        same = same and is_same(linear, later, duration)
+    return Steady(kind if same else "varying", here, linear)
 
 
 def at_rest(
@@ -79,25 +93,6 @@ def at_rest(
 def _least(linear: Linear, here: Reference, duration: float) -> float:
     """An acceleration that changes the velocities by their rounding in the time of the run."""
     return doubles.VALUE * float(np.linalg.norm(linear.inertia * here.v)) / duration
-
-
-def _lasting(
-    functions: LinearizedFunctions, numeric: NumericSystem, found: Steady, duration: float
-) -> Steady | None:
-    """The motion with its kind, or None where it does not go on as it is."""
-    here = found.here
-    if found.kind == "equilibrium" and not numeric.has_time:
-        return found
-    same, least = True, _least(found.linear, here, duration)
-    for part in PATH_PARTS:
-        later = moved(here, part * duration)
-        if not functions.is_on_rows(later):
-            return None
-        linear = functions.at(later)
-        if not np.isfinite(linear.values).all() or not is_balanced(linear, doubles.ZERO, least):
-            return None
-        same = same and is_same(found.linear, linear, duration)
-    return found if same else dataclasses.replace(found, kind="varying")
 
 
 def moved(here: Reference, s: float) -> Reference:

@@ -301,7 +301,5 @@ def scales(problem: StaticProblem, q: Floats) -> Scales:
             message = f"the search cannot work with {what} of the size {beyond[0]:.3g}: their squares are no numbers"
             hint = "choose units in which the numbers of the model are nearer to 1"
             place = diagnostics.Location(problem.laws.path, 1, 1)
-            raise diagnostics.ModelError(
-                [diagnostics.Diagnostic("not-finite-at-start", message, place, hint)]
-            )
+            raise diagnostics.error("not-finite-at-start", message, place, hint)
     return Scales(force, size, conditions, contacts, together, own)
