@@ -31,14 +31,12 @@ class FlatParameters:
     __slots__ = ()
 
     orders: int = 16
-    """Powers of the function that are looked at, half of them first.
+    """Powers of the function that are looked at, half of them first; of three directions or more as many rays are drawn
+    as tell all monomials of half of them apart.
     `test_a_power_of_sixteen_decides_and_one_of_seventeen_does_not` fails at 15 and 160."""
     kept: float = 0.1
     """The part of a curvature that a third derivative may change on the way to the zero: beside a double zero it is
     a half. `test_a_curvature_beside_a_double_zero_is_none` fails at 0.01 and 1."""
-    degree: int = 8
-    """The powers of three flat directions or more of which all monomials are told apart, by as many rays.
-    `test_an_eighth_power_of_four_is_told_and_a_tenth_is_not` fails at 4 and 12."""
 
 
 PARAMETERS = FlatParameters()
@@ -252,7 +250,7 @@ def _of_powers(flat: FlatEquations, begin: Floats, verdict: FlatVerdict) -> Flat
         angles = np.pi * (np.arange(2 * most) + 0.2871) / (2 * most)
         rays = np.column_stack([np.cos(angles), np.sin(angles)])
     else:
-        count = max(4 * most, comb(PARAMETERS.degree + k - 1, k - 1))
+        count = max(4 * most, comb(most // 2 + k - 1, k - 1))
         rays = np.random.default_rng(3).standard_normal((count, k))
         rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     few = rays[:: max(1, len(rays) // most)]
