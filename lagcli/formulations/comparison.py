@@ -150,7 +150,7 @@ class Principles:
             if self.nonholonomic:
                 return f"{sentence}, for this start: {rows} not integrable, and in general they part"
             if self.undecided:
-                return f"{sentence}; whether {_listed(self.undecided, 'is', 'are')} integrable is undecided"
+                return f"{sentence}; whether {_listed(self.undecided)} integrable is undecided"
             return f"{sentence}, as they must: the differential rows are integrable"
         sentence = "the two principles part"
         if self.nonholonomic:
@@ -168,9 +168,9 @@ class Principles:
         )
 
 
-def _listed(names: Sequence[str], one: str = "is", several: str = "are") -> str:
+def _listed(names: Sequence[str]) -> str:
     quoted = [f"`{name}`" for name in names[:3]] + (["others"] if len(names) > 3 else [])
-    return f"{', '.join(quoted)} {one if len(names) == 1 else several}"
+    return f"{', '.join(quoted)} {'is' if len(names) == 1 else 'are'}"
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -65,15 +65,21 @@ def _of_energy(linear: Linear, wanted: int) -> Lowest:
     size = float(np.abs(K.diagonal() / M.diagonal()).max())
     if not size:
         raise NotFoundError
-    negative = _below(K, M, B, -doubles.VALUE * size, size)
+
+    def below(mu: float) -> int:
+        """The number of w^2 below mu: the negative pivots of K - mu M + rho B^T B."""
+        weight = STIFF * max(size, abs(mu)) * float(M.diagonal().max())
+        return int((_pivots(K - mu * M + weight * (B.T @ B)) < 0).sum())
+
+    negative = below(-doubles.VALUE * size)
     begin = np.random.default_rng(0).standard_normal(n)
     k = min(wanted + SPARE, n - rank - 1)
     sigma = -SHIFT * size
     if negative:
         low = -size
-        while _below(K, M, B, low, size):
+        while below(low):
             low *= 2
-        least, _ = sides.bracket(lambda mu: not _below(K, M, B, float(mu), size), low, 0.0, narrow=1e-4)
+        least, _ = sides.bracket(lambda mu: not below(float(mu)), low, 0.0, narrow=1e-4)
         sigma = float(least) * (1 + 1e-3) - SHIFT * size
     # y -> x of (K - sigma M) x + B^T mu = y, B x = 0
     shifted = K - sigma * M
@@ -101,7 +107,7 @@ def _of_energy(linear: Linear, wanted: int) -> Lowest:
         # Of the last ones a copy may be missing: they are left out.
         last = squares[-1] - 1e-6 * abs(squares[-1])
         found = int((squares < last).sum())
-        is_complete = found > 0 and _below(K, M, B, last, size) == found
+        is_complete = found > 0 and below(last) == found
         if is_complete or k == n - rank - 1:
             break
         k = min(2 * k, n - rank - 1)
@@ -111,12 +117,6 @@ def _of_energy(linear: Linear, wanted: int) -> Lowest:
     roots = np.sqrt(-squares + 0j)
     is_definite = bool((squares > 0).all()) and not negative
     return Lowest(roots, x.astype(complex), 2 * (n - rank), True, is_definite, is_complete)
-
-
-def _below(K: sparse.csc_array, M: sparse.csc_array, B: sparse.csc_array, mu: float, size: float) -> int:
-    """The number of w^2 below mu: the negative pivots of K - mu M + rho B^T B."""
-    weight = STIFF * max(size, abs(mu)) * float(M.diagonal().max())
-    return int((_pivots(K - mu * M + weight * (B.T @ B)) < 0).sum())
 
 
 def _pivots(matrix: sparse.csc_array) -> Floats:

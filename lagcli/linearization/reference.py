@@ -40,11 +40,11 @@ def is_at_rest(q: Floats, v: Floats, duration: float) -> bool:
     return float(np.abs(v).max(initial=0.0)) * duration <= doubles.VALUE * size
 
 
-def is_balanced(linear: Linear, part: float = doubles.ZERO, least: float = 0.0) -> bool:
+def is_balanced(linear: Linear, least: float = 0.0) -> bool:
     """True if forces, over the roots of their masses, are finite and balance but for the acceleration `least`."""
     with np.errstate(all="ignore"):  # what is no number is none of balance
         load, left = (np.linalg.norm(each / linear.inertia) for each in (linear.load, linear.residual))
-    return bool(left <= part * load + least < math.inf)
+    return bool(left <= doubles.ZERO * load + least < math.inf)
 
 
 def classified(
@@ -61,7 +61,7 @@ def classified(
         # The accelerations, 0 where the forces balance each other
         still = dataclasses.replace(here, a=np.zeros_like(here.q))
         linear = functions.at(still)
-        balanced = is_balanced(linear, doubles.ZERO, _least(linear, here, duration))
+        balanced = is_balanced(linear, _least(linear, here, duration))
         here = still if balanced else dataclasses.replace(here, a=functions.acceleration(here))
         linear = functions.at(here)
     elif not numeric.has_time:
@@ -72,7 +72,7 @@ def classified(
         if not functions.is_on_rows(there):
             return None
         later = functions.at(there)
-        if not np.isfinite(later.values).all() or not is_balanced(later, doubles.ZERO, least):
+        if not np.isfinite(later.values).all() or not is_balanced(later, least):
             return None
         same = same and is_same(linear, later, duration)
     return Steady(kind if same else "varying", here, linear)

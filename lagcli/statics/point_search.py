@@ -262,7 +262,7 @@ class PointSearch:
             return False
         if found.closed in self._decided and self._decided[found.closed](found.q):
             return False
-        if self.problem.is_beyond(found.q, doubles.ZERO):
+        if self.problem.is_beyond(found.q):
             self.are_beyond = True
             return False
         found = continuum.with_own_contacts(self.free, found)

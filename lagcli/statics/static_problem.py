@@ -235,12 +235,12 @@ class StaticProblem:
         _, found, gradient, _ = self._value(self.t, q, self.p)
         return found.full().ravel(), gradient.full()
 
-    def is_beyond(self, q: Floats, part: float) -> bool:
+    def is_beyond(self, q: Floats) -> bool:
         """True if q is on another leaf of a level: beyond singular points, but for a part of the way to them."""
         if not self.laws.sides.numel():
             return False
         there, here = (self._value(self.t, each, self.p)[3].full() for each in (q, self.begin))
-        return bool((there <= part * here).any())
+        return bool((there <= doubles.ZERO * here).any())
 
     def of_place(self, *parts: ca.SX) -> Program:
         """Expressions, column by column, as a function of q and of (t, p), as a list of operations."""
