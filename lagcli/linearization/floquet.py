@@ -39,6 +39,8 @@ class FollowedMotion:
         self.functions, self.numeric, self.here = functions, numeric, here
         self._n, self._begin = here.q.size, np.concatenate([here.q, here.v])
         self._units = [float(np.abs(x).max(initial=0.0)) or 1.0 for x in (here.v, functions.values(here))]
+        sizes = [float(np.abs(part).max(initial=0.0)) or 1.0 for part in (here.q, here.v)]
+        self._atol = ATOL * np.repeat(sizes, self._n)
 
     def rate(self, t: float, y: Floats) -> Floats:
         """y' of y = (q, v)."""
@@ -57,16 +59,11 @@ class FollowedMotion:
         from scipy import integrate
 
         t = self.here.t
-        found = integrate.solve_ivp(
-            self.rate, (t, t + length), self._begin, "DOP853", dense_output=True, **self._tolerance()
-        )
+        span, tolerance = (t, t + length), {"rtol": RTOL, "atol": self._atol}
+        found = integrate.solve_ivp(self.rate, span, self._begin, "DOP853", dense_output=True, **tolerance)
         if not found.success:
             return None
         return lambda s: np.asarray(found.sol(t + s))
-
-    def _tolerance(self) -> dict[str, float | Floats]:
-        sizes = [float(part.max(initial=0.0)) or 1.0 for part in np.split(np.abs(self._begin), 2)]
-        return {"rtol": RTOL, "atol": ATOL * np.repeat(sizes, self._n)}
 
     def is_steady(self, length: float) -> bool:
         """True if kinetic energy and the sizes of forces stay the same for a time: it is steady seen otherwise."""
@@ -107,16 +104,15 @@ class FollowedMotion:
         further = ca.jtimes(rate, y, W) if k else ca.MX(2 * n, 0)
         both, their_rates = ca.vertcat(y, ca.vec(W)), ca.vertcat(rate, ca.vec(further))
         function = SizedFunction("variation", [t, both], [their_rates])
-        tolerance = self._tolerance()
         sizes = np.abs(deviations).max(axis=0)
-        tolerance["atol"] = np.concatenate([tolerance["atol"], np.repeat(ATOL * sizes, 2 * n)])
         end = integrate.solve_ivp(
             lambda t, x: np.array(function(t, x)).ravel(),
             (t0, t0 + T),
             np.concatenate([self._begin, deviations.T.ravel()]),
             "DOP853",
             t_eval=[t0 + T],
-            **tolerance,
+            rtol=RTOL,
+            atol=np.concatenate([self._atol, np.repeat(ATOL * sizes, 2 * n)]),
         )
         carried = deviations.T @ np.asarray(end.y[2 * n :, -1]).reshape(k, 2 * n).T
         found = spectrum.deflate(carried - np.eye(k), doubles.ZERO * float(np.linalg.norm(carried, 2)))
