@@ -264,16 +264,17 @@ def compare(
     both runs are compared in positions alone; of `events` the times are. A multiplier or an output that has no
     value (nan) in a row is not compared there; anything else without a value agrees with nothing.
     """
-    count = min(len(first.table), len(other.table))
+    count, found = min(len(first.table), len(other.table)), dict[str, Agreement]()
+    if not count:
+        return found
     t = first.table[:count, 0]
-    found = {}
-    matches = matched(first.events, other.events, float(t[-1]), float(np.ptp(t))) if count else None
-    parted = np.zeros(count, dtype=bool) if matches is None else matches.parts(t)
+    matches = matched(first.events, other.events, float(t[-1]), float(np.ptp(t)))
+    parted = matches.parts(t)
     values = first.table[:, 1:]
     rounding = doubles.VALUE * float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
     for kind in KINDS:
         shared = [name for name, own in of.items() if own == kind and name in other.columns]
-        if not shared or not count:
+        if not shared:
             continue
         one, gaps = _gaps(shared, first, other, count)
         if kind == "lambda":
@@ -291,7 +292,7 @@ def compare(
         error = 0.0 if max(scale, worst) <= rounding else worst / (scale or 1.0)
         error = min(error, sys.float_info.max)
         found[kind] = Agreement(len(shared), error, shared[int(column)], float(t[row]))
-    if matches is not None and (first.events or other.events):
+    if first.events or other.events:
         # The times of incidents, as a part of the time both runs last; none agree where one is alone
         together = len(matches.t)
         found["events"] = Agreement(0, 0.0, "", 0.0)
@@ -343,9 +344,8 @@ class Matched:
     def parts(self, rows: Floats) -> Flags:
         """True for the times (k,) at which one run is before an incident and the other behind it."""
         found = np.zeros(len(rows), dtype=bool)
-        first, last = self.t.min(axis=1, initial=np.inf), self.t.max(axis=1, initial=-np.inf)
-        bounds = np.searchsorted(rows, first, "left"), np.searchsorted(rows, last, "left")
-        for begin, end in zip(*bounds, strict=True):
+        ends = self.t.min(axis=1, initial=np.inf), self.t.max(axis=1, initial=-np.inf)
+        for begin, end in zip(*(np.searchsorted(rows, each, "left") for each in ends), strict=True):
             found[begin:end] = True
         return found
 
