@@ -83,8 +83,7 @@ class PolynomialEquations:
     @property
     def used(self) -> tuple[int, ...]:
         """The unknowns of the equations, by number."""
-        first = len(self.names) - len(self.roots)
-        free = {first + k for k, root in enumerate(self.roots) if not root.is_unknown}
+        free = {k for k, root in self.squares.items() if not root.is_unknown}
         return tuple(k for k in range(len(self.names)) if k not in self.angles and k not in free)
 
     @property
