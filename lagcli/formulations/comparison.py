@@ -21,6 +21,7 @@ TOLERANCE = 1e-8  # of the relative difference of two tables, by default
 # More digits than a double has are not reported: at 1.6 and at 160 `test_no_more_digits_are_reported_than_a_double_has`
 # of `tests/unit/test_numbers_of_formulations.py` fails.
 MOST_DIGITS = float(sys.float_info.dig + 1)
+Kinds = Mapping[str, str]  # column -> one of `KINDS`
 KINDS = ("r", "v", "lambda", "R", "energy", "outputs", "events")
 # Of the two principles the forces of constraint can be compared as a whole, and multipliers not: those of differential
 # rows are not there, and those of holonomic ones share the force with them.
@@ -255,9 +256,7 @@ def kinds(model: Model, columns: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def compare(
-    of: Mapping[str, str], first: Formulation, other: Formulation, singular: Flags
-) -> dict[str, Agreement]:
+def compare(of: Kinds, first: Formulation, other: Formulation, singular: Flags) -> dict[str, Agreement]:
     """The agreement of two tables over one grid, as far as both go; `of`: shared columns with their kinds.
 
     singular (k,): rows of the first in which multipliers are not compared. Rows between the times of one incident in
@@ -313,9 +312,7 @@ def _gaps(shared: Sequence[str], first: Formulation, other: Formulation, count: 
     return one, np.abs(one - two)
 
 
-def parting(
-    of: Mapping[str, str], first: Formulation, other: Formulation, tolerance: float
-) -> PartingPoint | None:
+def parting(of: Kinds, first: Formulation, other: Formulation, tolerance: float) -> PartingPoint | None:
     """Where positions of two tables over one grid part, and in which column; `of`: columns with their kinds."""
     shared = [name for name, kind in of.items() if kind == "r" and name in other.columns]
     count = min(len(first.table), len(other.table))

@@ -140,9 +140,10 @@ class LinearizedFunctions:
                 ratio = above if chart.period is not None else above * chart.below - chart.above * below
                 slopes.append(ca.densify(ratio))
             self._charts.append(SizedFunction("leaf", [s.t, q, built.p], [ca.vertcat(*slopes)]))
+        inputs = [s.t, q, v, built.p]
         self._inputs = [s.t, q, v, a, built.lam, built.p]
         # Where forces cancel within h, or reactions within their sum, what is left does not tell how large they are.
-        terms = operation_rules.term_sizes(h, [s.t, q, v, built.p])
+        terms = operation_rules.term_sizes(h, inputs)
         load = ca.fabs(ca.densify(M @ a)) + terms + ca.mtimes(ca.fabs(every).T, ca.fabs(lam))
         self._at = SizedFunction(
             "linearized", self._inputs, [M, damping, K, B, A, D, D_holonomic, ca.densify(residual), load]
@@ -153,10 +154,8 @@ class LinearizedFunctions:
         d = built.dynamics
         f_t = ca.densify(ca.jacobian(built.rows.f, s.t))
         vanishing = ca.vertcat(ca.densify(d.power), ca.densify(built.rows.b), f_t)
-        sizes = operation_rules.term_sizes(vanishing, [s.t, q, v, built.p])
-        self._powers = SizedFunction(
-            "powers", [s.t, q, v, built.p], [ca.densify(d.driving), vanishing, sizes]
-        )
+        sizes = operation_rules.term_sizes(vanishing, inputs)
+        self._powers = SizedFunction("powers", inputs, [ca.densify(d.driving), vanishing, sizes])
 
     def at(self, here: Reference) -> Linear:
         """The matrices at a reference."""

@@ -50,9 +50,7 @@ class Freedoms:
 
 def freedoms(linear: Linear, terms: Floats) -> Freedoms:
     """The free coordinates; terms (n, n): the sizes of what entries of K are sums of. Raises `NoFreedomsError`."""
-    M, C, K, B, A, D = (
-        part.toarray() for part in (linear.M, linear.C, linear.K, linear.B, linear.A, linear.D)
-    )
+    M, C, K, B, A, D = (getattr(linear, name).toarray() for name in "MCKBAD")
     L = np.linalg.cholesky((M + M.T) / 2)
     # In y = L^T dq the metric is the plain one. First a basis of the cyclic coordinates alone that B leaves free
     white = np.linalg.solve(L, B.T).T

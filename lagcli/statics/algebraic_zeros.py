@@ -18,7 +18,7 @@ from sympy.polys.rings import PolyElement, PolyRing
 
 from lagcli.statics import univariate
 from lagcli.statics.polynomial_equations import RootUnknown
-from lagcli.statics.univariate import Enclosure, NotCounted, RealRoot, Representation, Whole
+from lagcli.statics.univariate import Enclosure, NotCounted, RealRoot, Representation, Rows, Whole
 
 Powers = tuple[int, ...]
 Element = tuple[Whole, int]  # coefficients in the basis of an algebra, and their denominator
@@ -162,7 +162,7 @@ class _ZeroBlock:
         monomials = _standard([e.LM for e in self._ideal], len(ring.gens))
         self._index = {monomial: k for k, monomial in enumerate(monomials)}
         # Rows: x_k times each monomial of the basis, in the basis, over one denominator
-        self._generators: list[tuple[list[Whole], int]] = []
+        self._generators: list[Rows] = []
         for k in range(len(ring.gens)):
             raised = (tuple(p + (i == k) for i, p in enumerate(m)) for m in monomials)
             rows = [self._reduced(ring.from_dict({m: ring.domain.one})) for m in raised]

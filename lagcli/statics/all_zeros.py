@@ -28,6 +28,7 @@ from lagcli.statics.univariate import NotCounted
 
 SetZeros = tuple[list[EquilibriumPoint], list[EquilibriumPoint]]
 Piece = tuple[float, float]
+Pieces = list[Piece]
 # The force and its slope over an interval; it raises `NoBounds`.
 Force = Callable[[iv.mpf], tuple[iv.mpf, iv.mpf]]
 
@@ -156,7 +157,7 @@ def by_intervals(search: PointSearch) -> Completeness:
         iv.dps = digits
     points = [_rounded(search, search.free, np.array([x])) for x in narrowed]
     # Undecided pieces, those that touch as one
-    own: list[Piece] = []
+    own: Pieces = []
     for low, high in sorted(undecided):
         if own and low <= own[-1][1]:
             before = own.pop()
@@ -186,9 +187,7 @@ def by_intervals(search: PointSearch) -> Completeness:
     more = "" if len(own) <= most else " and elsewhere"
     told = f"intervals decide everywhere but {', '.join(named)}{more}: a pole, a kink, a double zero or a flat tail"
     # Narrow ones side by side are one piece.
-    is_narrow = all(
-        abs(low + high) == np.inf or high - low <= 100 * _narrow(length, low) for low, high in own
-    )
+    is_narrow = all(np.isinf(low + high) or high - low <= 100 * _narrow(length, low) for low, high in own)
     return Completeness(False, told, is_narrow)
 
 
@@ -197,7 +196,7 @@ def _narrow(length: float, x: float) -> float:
     return doubles.ZERO * (length + abs(x))
 
 
-def pieces(force: Force, length: float, is_angle: bool) -> tuple[list[Piece], list[Piece]]:
+def pieces(force: Force, length: float, is_angle: bool) -> tuple[Pieces, Pieces]:
     """Pieces of the line with one zero each, and undecided ones; none is elsewhere. From the middle outward."""
     left = 4000  # intervals that are looked at
     if is_angle:
@@ -228,11 +227,9 @@ def pieces(force: Force, length: float, is_angle: bool) -> tuple[list[Piece], li
     return isolated, undecided
 
 
-def _halved(
-    force: Force, begun: list[Piece], boxes: int, length: float
-) -> tuple[list[Piece], list[Piece], int]:
+def _halved(force: Force, begun: Pieces, boxes: int, length: float) -> tuple[Pieces, Pieces, int]:
     """Pieces with one zero, those that stay undecided however they are halved, and how many were looked at."""
-    isolated, undecided, waiting = list[Piece](), list[Piece](), deque(begun)
+    isolated, undecided, waiting = Pieces(), Pieces(), deque(begun)
     count = 0
     while waiting and count < boxes:
         count += 1

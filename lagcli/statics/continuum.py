@@ -118,17 +118,15 @@ def _ends(equations: RestEquations, x: Floats, way: Floats, length: float) -> li
     return found
 
 
-def stepped(
-    equations: RestEquations, x: Floats, change: Floats, off: float = LENGTHS.stride
-) -> Floats | None:
-    """The point of rest next to x with q changed; None where there is none within a part of the change."""
+def stepped(equations: RestEquations, x: Floats, step: Floats, off: float = LENGTHS.stride) -> Floats | None:
+    """The point of rest next to x a step of q away; None where there is none within a part of the step."""
     n = equations.problem.n
-    predicted = x[:n] + change
+    predicted = x[:n] + step
     begun = equations.begun(predicted)
     if begun is None or equations(begun) is None:
         return None
     end = refine.refined(equations, begun)
-    near = np.linalg.norm(end.x[:n] - predicted) <= off * np.linalg.norm(change)
+    near = np.linalg.norm(end.x[:n] - predicted) <= off * np.linalg.norm(step)
     settled = end.moved <= rest_equations.SETTLED and equations.unbalanced(end.x) <= doubles.ZERO
     return end.x if near and settled else None
 
@@ -147,9 +145,7 @@ def connected(equations: RestEquations, x: Floats, goal: Floats, size: int) -> b
         for free in (basis, tangent(equations, x)) if is_crossing else (basis,):
             along = free @ (free.T @ way)
             length = float(np.linalg.norm(along))
-            if (
-                free.size and length <= doubles.ROOT * left
-            ):  # straight across, as on a ring: either way will do
+            if free.size and length <= doubles.ROOT * left:  # across, as on a ring: either way will do
                 along, length = free[:, 0], 1.0
             # Where the way is nearly across, what lies along is short and the continuum goes on, or it leads to a
             # crossing.

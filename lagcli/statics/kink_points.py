@@ -264,10 +264,8 @@ def _beside(search: PointSearch, on_pole: StaticProblem, q: Floats, value: str) 
     rows = on_pole.at(on_pole.t, q, on_pole.nothing).dc[:-1]
     ways = _drawn(rank.null_basis(decompositions.unit(rows)))
     far, middle, near = (
-        np.array(
-            [precise_zeros.value(search.problem, q + distance * search.scales.length * way) for way in ways]
-        )
-        for distance in doubles.ROOT ** (np.arange(1, 4) / 3)
+        np.array([precise_zeros.value(search.problem, q + distance * way) for way in ways])
+        for distance in doubles.ROOT ** (np.arange(1, 4) / 3) * search.scales.length
     )
     first, then = middle - far, near - middle
     is_known = np.isfinite(then) & np.isfinite(first)

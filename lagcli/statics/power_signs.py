@@ -202,9 +202,8 @@ def _coefficients(
     rays: Floats, form: Floats, rounding: Floats, power: int
 ) -> tuple[list[tuple[int, ...]], Floats, Floats]:
     """The exponents of a form's monomials, their coefficients and the rounding of these, by its values on rays."""
-    exponents = [
-        each for each in itertools.product(range(power + 1), repeat=rays.shape[1]) if sum(each) == power
-    ]
+    every = itertools.product(range(power + 1), repeat=rays.shape[1])
+    exponents = [each for each in every if sum(each) == power]
     monomials = np.prod(rays[:, None, :] ** np.array(exponents), axis=2)
     inverse = decompositions.pseudo_inverse(monomials)
     return exponents, inverse @ form, np.abs(inverse) @ rounding

@@ -205,7 +205,7 @@ class RestEquations:
 
     def unbalanced(self, x: Floats) -> float:
         """The largest residual as a part of the terms that make it up: forces and conditions."""
-        q, each = self.split(x)
+        (q, each), scales = self.split(x), self.scales
         worst = 0.0
         for t, lam in zip(self.problem.times, each, strict=True):
             values = self.problem.at(t, q, self.all_multipliers(lam))
@@ -213,22 +213,20 @@ class RestEquations:
             # Each component by its own terms: where a multiplier grows without bound, others hide what is left.
             widths = np.where(rows != 0, np.linalg.norm(rows, axis=1, keepdims=True) * SMALL, 0.0)
             terms = np.abs(values.F) + (np.maximum(np.abs(rows), widths) * np.abs(lam)[:, None]).sum(axis=0)
-            parts = np.maximum(
-                terms, np.maximum(self.scales.own * SMALL, self.scales.forces * SMALL**2) + doubles.TINY
-            )
+            parts = np.maximum(terms, np.maximum(scales.own * SMALL, scales.forces * SMALL**2) + doubles.TINY)
             # What the last digit of the coordinates moves is balanced: in a flat cloth nothing else acts sideways.
             # Beside a pole that is no rounding.
-            blur = np.minimum(doubles.EPS * (np.abs(values.K) @ np.abs(q)), self.scales.forces * SMALL**3)
+            blur = np.minimum(doubles.EPS * (np.abs(values.K) @ np.abs(q)), scales.forces * SMALL**3)
             left = np.maximum(np.abs(values.F + rows.T @ lam) - blur, 0.0)
             worst = max(worst, (left / parts).max(initial=0.0))
             # And where it grows so far that its rounding is a force, nothing is balanced.
-            largest = max(self.scales.force, float(np.abs(values.F).max(initial=0.0)))
+            largest = max(scales.force, float(np.abs(values.F).max(initial=0.0)))
             worst = max(worst, doubles.EPS * float(terms.max(initial=0.0)) / largest)
-            size = max(self.scales.length, float(np.abs(q).max(initial=0.0)))
-            lengths = np.linalg.norm(values.dc, axis=1) + self.scales.conditions * SMALL
+            size = max(scales.length, float(np.abs(q).max(initial=0.0)))
+            lengths = np.linalg.norm(values.dc, axis=1) + scales.conditions * SMALL
             worst = max(worst, (np.abs(values.c) / (lengths * size)).max(initial=0.0))
             if self.closed is not None:
-                closed = values.g[self.contacts] / self.scales.contacts[self.contacts]
+                closed = values.g[self.contacts] / scales.contacts[self.contacts]
                 worst = max(worst, np.abs(closed).max(initial=0.0) / size)
         return float(worst)
 

@@ -21,6 +21,7 @@ from sympy.polys.rootisolation import dup_isolate_real_roots_sqf
 from sympy.polys.sqfreetools import dup_sqf_part
 
 Whole = list[int]
+Rows = tuple[list[Whole], int]  # a matrix of whole numbers over one denominator
 Enclosure = tuple[Fraction, Fraction]
 # Binary digits of t behind the point: at the last ones a sign is given up that is not zero.
 BITS = tuple(2**k for k in range(7, 15))
@@ -38,9 +39,7 @@ class Representation:
     denominator; traces (D, D): the traces of all products of two elements of the basis, likewise.
     """
 
-    def __init__(
-        self, generators: Sequence[tuple[list[Whole], int]], traces: tuple[list[Whole], int]
-    ) -> None:
+    def __init__(self, generators: Sequence[Rows], traces: Rows) -> None:
         self._traces = traces
         (table, divisor), D = traces, len(traces[0])
         common = math.lcm(*(below for _, below in generators))
