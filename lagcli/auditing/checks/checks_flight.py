@@ -276,7 +276,7 @@ def _powers(u: float) -> Array:
 
 # Coefficients of the quintic curve of Hermite that begins at 0, by its rate and curvature there and by those and its
 # value at 1, (6, 5)
-CURVE = np.linalg.inv(np.concatenate([_powers(0.0), _powers(1.0)]))[:, 1:]
+CURVE = np.linalg.inv(np.concatenate([_powers(0), _powers(1)]))[:, 1:]
 
 
 def _between(begin: Record, end: Record, ends: tuple[Array, Array], u: float) -> Record:
