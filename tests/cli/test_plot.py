@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import io
 import re
 import shlex
@@ -610,7 +611,7 @@ def test_a_watched_figure_follows_its_table(here: Path, monkeypatch: pytest.Monk
         if text := texts.pop(0):  # then it stays as it is for a moment
             Path("t.csv").write_text(text)
 
-    monkeypatch.setattr(options, "_pause", pause)
+    monkeypatch.setattr(options, "follow", functools.partial(options.follow, pause=pause))
     _, err, code = in_process.run("plot", "t.csv", "-o", "x.svg", "--watch")
     assert code == 0
     assert "is no table in the format .csv" in err
