@@ -30,14 +30,13 @@ def warnings(built: System) -> tuple[diagnostics.Diagnostic, ...]:
     """The warnings of angles at their cuts, of energies, and of other rows and gaps, in this order. One for each
     constraint with an angle that jumps and one for the forces; one for each potential, Lagrangian or position with a
     jump; one for each condition of `inequality` and each holonomic row that is found to jump near the start."""
-    return tuple(diagnostics.Diagnostic(*found, "warning") for found in _found(built))
+    return tuple(_found(built))
 
 
-def _found(built: System) -> Iterator[tuple[str, str, diagnostics.Location, str]]:
-    """Code, message, location and hint of each."""
+def _found(built: System) -> Iterator[diagnostics.Diagnostic]:
     if not all(named_functions.ANGLES.isdisjoint(e.words) for e in named_functions.expressions(built.model)):
         for location, message in _cuts(built).items():
-            yield "branch-cut", message, location, CUT_HINT
+            yield diagnostics.Diagnostic("branch-cut", message, location, CUT_HINT, "warning")
     if built.jumps is not None:
         state = built.model.simulation.start, *mechanics.start(built.model)
         for subject, word in built.jumps.anywhere(state, mechanics.values(built)):
@@ -45,14 +44,14 @@ def _found(built: System) -> Iterator[tuple[str, str, diagnostics.Location, str]
                 f"{subject.description} jumps where {energy_jumps.PHRASES[word]}: the force there is an impulse, and a"
                 " run that gets there stops"
             )
-            yield "energy-jump", message, subject.location, ENERGY_HINT
+            yield diagnostics.Diagnostic("energy-jump", message, subject.location, ENERGY_HINT, "warning")
     for row, word in _jumping(built, built.contacts.rows, built.contacts.g):
         message = f"the one-sided constraint `{row.name}` jumps where {energy_jumps.PHRASES[word]}"
-        yield "condition-jumps", message, row.location, ROW_HINT
+        yield diagnostics.Diagnostic("condition-jumps", message, row.location, ROW_HINT, "warning")
     for row, word in _jumping(built, built.rows.rows[: built.holonomic_count], built.rows.f):
         phrase = energy_jumps.PHRASES[word]
         message = f"the row `{row.name}` jumps where {phrase}; a run that gets there stops"
-        yield "row-jumps", message, row.location, ROW_HINT
+        yield diagnostics.Diagnostic("row-jumps", message, row.location, ROW_HINT, "warning")
 
 
 def out_of_sight(built: System) -> tuple[str, ...]:
