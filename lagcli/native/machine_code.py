@@ -18,7 +18,8 @@ from lagcli.errors import requirements
 from lagcli.native import object_folder
 from lagcli.native.paying import LIBRARY
 
-# Code is made soonest at the first level; at the last it runs about twice as fast, and takes ten times as long to make.
+# Code is made soonest at the first level; at the last it runs up to 1.6 times as fast, and takes two to six times as
+# long to make.
 SOON, BEST = 0, 1
 # Instructions that round a product and a sum once. LLVM makes none of what is written as two operations, and here could
 # not; where they belong to the processor's first ones it knows no such name.

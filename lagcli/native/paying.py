@@ -20,7 +20,7 @@ class PayingParameters:
     """Else after so many, and code is made: to load the library takes 50 ms, and to make the code as long.
     `test_native_code_pays_after_two_thousand_steps`."""
     best: int = 200_000
-    """After so many the best code is made, which takes ten times as long and is twice as fast.
+    """After so many the best code is made, which takes two to six times as long and is up to 1.6 times as fast.
     `test_the_best_code_pays_after_two_hundred_thousand_steps`."""
     at_once: float = 5e8
     """A loop returns after so many bytes of functions times steps, some hundredths of a second: for interrupts.
