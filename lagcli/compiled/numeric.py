@@ -373,6 +373,10 @@ def table(system: System, parts: shared.Parts) -> ca.Function:
     values = [ca.vec(moving), ca.vec(generalized.T), system.lam, system.R, system.Q_R[first:]]
     values += [dynamics.energy, system.outputs]
     account = ca.vertcat(*shared.residuals(parts), dynamics.jacobi, dynamics.rest)
+    row, open_ = ca.vertcat(*values), list(parts.selection.inactive)
+    if open_ and not parts.switches.numel():
+        # Of thousands that are open reactions are sums of zeros.
+        row = ca.substitute(row, system.lam[open_], ca.SX.zeros(len(open_)))
     inputs = [parts.t, parts.y, *_solved(system), parts.p]
     options = {"cse": parts.is_small}
-    return SizedFunction("table", inputs, [ca.densify(ca.vertcat(*values)), ca.densify(account)], options)
+    return SizedFunction("table", inputs, [ca.densify(row), ca.densify(account)], options)

@@ -12,7 +12,7 @@ import numpy as np
 
 from lagcli.arrays import Floats, Indices
 from lagcli.compiled import NumericSystem, contact_kinds
-from lagcli.compiled.column_program import ColumnProgram
+from lagcli.compiled.column_program import BoundColumns, ColumnProgram
 from lagcli.contact import zero_bounds, zero_search
 from lagcli.equations.system import System
 from lagcli.simulation.scheme import step_end
@@ -187,6 +187,13 @@ class GapsInside:
     def __init__(self, numeric: NumericSystem, method: Method) -> None:
         self._numeric, self._method = numeric, method
         self._kinds = numeric.contact_kinds
+        self._t, self._h, self._p = (
+            np.zeros((1, 1)),
+            np.zeros((1, 1)),
+            np.zeros((numeric.gaps.size1_in(2), 1)),
+        )
+        # Programs of each kind by the number of contacts that they have room for.
+        self._bound: dict[tuple[int, int], tuple[Floats, Floats, BoundColumns]] = {}
         self._programs = [ColumnProgram(function) for function in numeric.moving_gaps]
         self.is_whole = all(program.is_whole for program in self._programs)
         count = sum(kind.members.size for kind in self._kinds)
@@ -203,24 +210,33 @@ class GapsInside:
         q = self._method.interpolated(y, coefficients, x)[: self._numeric.n]
         return SizedFunction("path", [x, y, coefficients], [q, ca.jtimes(q, x, ca.MX(1))])
 
+    def _program(self, number: int, count: int) -> tuple[Floats, Floats, BoundColumns]:
+        """q and dq/dx, and the program of a kind with room for so many contacts."""
+        room = 1 << (count - 1).bit_length()
+        if (number, room) not in self._bound:
+            q, rate = np.zeros((2, self._kinds[number].coordinates.shape[1], room))
+            program = self._programs[number].bound([self._t, q, self._p, self._h, rate], (0, 1))
+            self._bound[number, room] = q, rate, program
+        return self._bound[number, room]
+
     def of(self, contacts: Indices, p: Floats) -> GapValues:
         """The gaps of some contacts, as `WatchFunctions.inside`, in memory that the next call overwrites."""
-        own, t, h = p[: self._numeric.gaps.size1_in(2)].reshape(-1, 1), np.zeros((1, 1)), np.zeros((1, 1))
-        parts = []
-        for number, (kind, program) in enumerate(zip(self._kinds, self._programs, strict=True)):
+        self._p[:, 0] = p[: self._p.size]
+        t, h, parts = self._t, self._h, []
+        for number, kind in enumerate(self._kinds):
             at = np.flatnonzero(self._kind[contacts] == number)
             if not at.size:
                 continue
             places = np.ascontiguousarray(kind.coordinates[self._member[contacts[at]]].T)
-            q, rate = np.zeros((2, *places.shape))
-            parts.append((at, places, q, rate, program.bound([t, q, own, h, rate], (0, 1))))
+            q, rate, program = self._program(number, at.size)
+            parts.append((at, places, q[:, : at.size], rate[:, : at.size], program))
         g, slope = np.zeros((2, contacts.size))
 
         def values(when: float, span: float, positions: Floats, rates: Floats) -> tuple[Floats, Floats]:
             t[:], h[:] = when, span
             for at, places, q, rate, program in parts:
                 q[:], rate[:] = positions[places], rates[places]
-                g[at], slope[at] = program.run()
+                g[at], slope[at] = program.run()[:, : at.size]
             slope[~(np.abs(slope) <= LARGEST)] = 0.0
             return g, slope
 
