@@ -89,7 +89,7 @@ class NumericSystem:
     @property
     def has_time(self) -> bool:
         """True if t occurs in what moves the system; else the motion from a start is the same at any time."""
-        return self._parts.has_time
+        return self.stepped._parts.has_time
 
     @cached_property
     def is_conservative(self) -> bool:
@@ -233,12 +233,13 @@ class NumericSystem:
 
         return contact_kinds.found(self._parts)
 
-    @cached_property
-    def contact_motion(self) -> ca.Function:
-        """contact_motion(t, q, v, p) -> h (n,), gamma of equality rows (C,) and contacts (K,), entries of M, B, G."""
-        parts, contacts = self._parts, self._parts.contacts
-        entries = [ca.vec(each.nz[:]) for each in (parts.M, parts.B, contacts.G)]
-        outputs = map(ca.densify, (parts.h, parts.gamma, contacts.gamma, *entries))
+    def contact_motion(self, contacts: Sequence[int]) -> ca.Function:
+        """contact_motion(t, q, v, p) -> h (n,), gamma of equality rows (C,) and of some contacts (k,), entries of M, B
+        and their G."""
+        parts, G = self._parts, self._parts.contacts.G[list(contacts), :]
+        entries = [ca.vec(each.nz[:]) for each in (parts.M, parts.B, G)]
+        gamma = ca.densify(parts.contacts.gamma)[list(contacts)]
+        outputs = map(ca.densify, (parts.h, parts.gamma, gamma, *entries))
         return SizedFunction("contact_motion", self._inputs, list(outputs))
 
     @property

@@ -18,6 +18,7 @@ from lagcli.simulation.closed_contacts.contact_instant import (
 from lagcli.simulation.closed_contacts.many_contacts import ManyContacts
 from lagcli.smoothness.sized_function import SizedFunction
 from lagcli.start.initial import State
+from tests.helpers import spent
 from tests.helpers.recorded_runs import run_to_stop
 
 # Balls that fall and roll on a floor, between walls that one of them moves, and strike each other.
@@ -136,3 +137,12 @@ def test_contacts_without_a_program_are_asked_all_at_once(monkeypatch: pytest.Mo
     few = run_to_stop(text)
     assert many[1].tobytes() == few[1].tobytes()
     assert contact_instant.many_contacts.are_some(numeric().contact_values, 1000)
+
+
+def test_a_contact_that_nothing_presses_is_decided_by_its_own_row() -> None:
+    """Where it is decided by derivatives of its force, those of the 77 others are not made."""
+    text = BALLS.replace("N: 6", "N: 12").replace("<= 7", "<= 14").replace("-9.81*m", "0")
+    model = lagcli.loads(text)
+    with spent.at_most_calls(1_000_000):
+        run = lagcli.simulate(model, duration=0.7)
+    assert run.stats.impacts >= 5

@@ -197,26 +197,23 @@ ORDERS, NONE = 12, doubles.SUM / 2
 
 
 class MotionSeries:
-    """The forces, rows and inertia of one system as power series along a motion."""
+    """The forces, rows and inertia of one system, with all contacts open, as power series along a motion: of the rows
+    of contacts those of some, by their numbers."""
 
-    def __init__(self, numeric: NumericSystem) -> None:
-        # With all contacts open.
-        self._numeric = numeric
+    def __init__(self, numeric: NumericSystem, contacts: tuple[int, ...]) -> None:
+        self._numeric, self.contacts = numeric, contacts
 
     @cached_property
     def _function(self) -> SeriesFunction:
-        return SeriesFunction(self._numeric.contact_motion)
+        return SeriesFunction(self._numeric.contact_motion(self.contacts))
 
     @cached_property
     def patterns(self) -> list[tuple[Indices, Indices, tuple[int, int]]]:
         """Rows, columns and shape of M, B and G."""
         numeric = self._numeric
         found = []
-        for sparsity in (
-            numeric.inertia.sparsity_out(0),
-            numeric.rows.sparsity_out(0),
-            numeric.contacts.sparsity_out(1),
-        ):
+        of_contacts, _ = numeric.contacts.sparsity_out(1).sub(list(self.contacts), list(range(numeric.n)))
+        for sparsity in (numeric.inertia.sparsity_out(0), numeric.rows.sparsity_out(0), of_contacts):
             rows, columns = sparsity.get_triplet()
             found.append((np.asarray(rows, np.intp), np.asarray(columns, np.intp), sparsity.shape))
         return found
@@ -295,6 +292,8 @@ class ContactOrders:
     def __init__(self, series: MotionSeries, here: ContactInstant, known: float) -> None:
         self._series, self._here = series, here
         self._rounding = max(NONE, known)
+        # The numbers of contacts among those of the series.
+        self._place = {j: place for place, j in enumerate(series.contacts)}
 
     def decided(self, forces: ContactForces, level: Indices, crossing: Flags) -> ContactForces:
         """The contacts that press among those that are closed and neither approach nor part, `level`; crossing (K,):
@@ -347,7 +346,8 @@ class ContactOrders:
         (of_rows, rows_size), (moved, moved_size) = B.later(a, k), G.later(a, k)
         wanted = gamma.c[:, k] - of_rows, gamma_contacts.c[:, k] - moved
         sizes = gamma.size[:, k] + rows_size, gamma_contacts.size[:, k] + moved_size
-        fixed, asked = np.array(closed, dtype=np.intp), np.array(left, dtype=np.intp)
+        fixed, asked = (np.array([self._place[j] for j in each], dtype=np.intp) for each in (closed, left))
+        numbers = np.array(left, dtype=np.intp)
         # All that is nothing but rounding moves nothing.
         h = np.where(np.abs(h) > self._rounding * h_size, h, 0.0)
         of_equalities, of_contacts = (
@@ -378,12 +378,12 @@ class ContactOrders:
         room = self._rounding * (
             entries @ (np.abs(here.metric.solved(h_size)) + np.abs(found.x)) + sizes[1][asked]
         )
-        presses = found.of_contacts * here.squares(asked) > room
+        presses = found.of_contacts * here.squares(numbers) > room
         shared = presses & ~found.unique[-asked.size :]
         if closed and shared.any():
             carried[shared] = self._are_linked((rows, len(closed)), first[asked[shared].tolist(), :])
         parts = carried | ~presses & (found.slack > room)
-        return asked[presses & ~carried].tolist(), asked[parts].tolist()
+        return numbers[presses & ~carried].tolist(), numbers[parts].tolist()
 
     def _are_linked(self, before: tuple[Sparse, int], contacts: Sparse) -> Flags:
         """True for rows of contacts (k,) that share a load with some that press already, the last so many of the rows

@@ -205,7 +205,9 @@ class ContactDecision:
             crossing = np.zeros(contacts.count, dtype=bool)
             crossing[[i - contacts.rows for i in why.hits if i - contacts.rows in lying]] = True
             known = 0.0 if why.is_start else float(self._run.tolerance[0])
-            forces = ContactOrders(contacts.series, after, known).decided(forces, numbers, crossing)
+            forces = ContactOrders(contacts.series(numbers.tolist()), after, known).decided(
+                forces, numbers, crossing
+            )
         among = numbers.tolist()
         law = contact_mode.mode
         return contacts.decided(lambda: law(contacts.open_, after, forces, among, contacts.rows)), level

@@ -12,6 +12,7 @@ import numpy as np
 from lagcli import doubles
 from lagcli.arrays import Flags, Floats
 from lagcli.linear import rank
+from lagcli.memory import Memory
 from lagcli.simulation.closed_contacts.contact_change import ContactsUndecided
 from lagcli.simulation.closed_contacts.contact_instant import (
     ContactInstant,
@@ -34,7 +35,7 @@ Found = TypeVar("Found")
 
 class RunContacts:
     """All K contacts of a run. rows: C, the number of equality rows; count: K; open_: the selection without contacts;
-    series: of the motion with them open; names: of all (K,)."""
+    names: of all (K,)."""
 
     def __init__(self, run: Stepper) -> None:
         enforced = run.bound.enforced
@@ -46,7 +47,12 @@ class RunContacts:
         # A run that is resumed may stand with contacts closed.
         base = plain if plain.selection == self.open_ else plain.keeping(self.open_)
         self._values = ContactRowValues(base, self.rows)
-        self.series = MotionSeries(base)
+        self._base, self._series = base, Memory()
+
+    def series(self, contacts: Sequence[int]) -> MotionSeries:
+        """The series of the motion with all contacts open, and the rows of some."""
+        numbers = tuple(contacts)
+        return self._series.answer(numbers, lambda: MotionSeries(self._base, numbers))
 
     @property
     def closed(self) -> tuple[int, ...]:
