@@ -351,7 +351,8 @@ class Model:
         return isinstance(other, Model) and self._read_from() == other._read_from()
 
     def __hash__(self) -> int:
-        return hash(self.fingerprint)
+        # Models of one text stand in memories beside each other.
+        return hash((self.fingerprint, *(one.value for one in self.parameters)))
 
     def _read_from(self) -> tuple[object, ...]:
         arrays = [part for p in self.particles if p.start is not None for part in (p.start, p.start_velocity)]
