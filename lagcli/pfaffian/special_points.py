@@ -173,23 +173,12 @@ def kept(
     all_of_them, new = [*equations], [equations[-1]]
     for _ in range(GENERATIONS):
         try:
-            # X(e) of the new equations where all of them hold, for the rows that are independent at the start
-            place = dataclasses.replace(block, surface=(*block.surface, *all_of_them))
-            field = FunctionField(place, deadline, {})
-            solved = field.solved(
-                field.rows([*field.gradients[: len(block.surface)], *block.rows]), vanishes=vanishes
-            )
-            gradients = field.rows([forms.partial(e, x) for x in block.variables] for e in new)
-            frame = field.frame(solved, len(block.variables))
-            found = [field.sum(zip(X, gradient, strict=True)) for X in frame for gradient in gradients]
-            if any(vanishes(field.expression(a.denom)) for a in found):
-                raise NotDecidedError("a place has no differential at the start")
-            slopes = [field.expression(a.numer) for a in found if a]
+            slopes, independent = _slopes(block, all_of_them, new, vanishes, deadline)
         except guarded.NoAnswerError as error:
             raise NotDecidedError(str(error)) from error
         if not slopes:
             return tuple(all_of_them)
-        if solved.count != rank:
+        if independent != rank:
             raise NotDecidedError("the rows have another rank at the start than beside it")
         if not all(map(vanishes, slopes)):
             return ()
@@ -197,6 +186,27 @@ def kept(
         new = [sympy.Mul(*filter(vanishes, factors(e))) for e in distinct(slopes)]
         all_of_them += new
     raise NotDecidedError("the places on which motions from the start stay have no end that algebra sees")
+
+
+def _slopes(
+    block: PfaffianBlock,
+    equations: Sequence[sympy.Expr],
+    new: Sequence[sympy.Expr],
+    vanishes: Callable[[sympy.Expr], bool],
+    deadline: float,
+) -> tuple[list[sympy.Expr], int]:
+    """The X(e) of the new equations that do not vanish where all of them hold, X being the fields of the rows that are
+    independent at the start; and how many these are."""
+    field = FunctionField(dataclasses.replace(block, surface=(*block.surface, *equations)), deadline, {})
+    solved = field.solved(
+        field.rows([*field.gradients[: len(block.surface)], *block.rows]), vanishes=vanishes
+    )
+    gradients = field.rows([forms.partial(e, x) for x in block.variables] for e in new)
+    frame = field.frame(solved, len(block.variables))
+    found = [field.sum(zip(X, gradient, strict=True)) for X in frame for gradient in gradients]
+    if any(vanishes(field.expression(a.denom)) for a in found):
+        raise NotDecidedError("a place has no differential at the start")
+    return [field.expression(a.numer) for a in found if a], solved.count
 
 
 def vanishing(block: PfaffianBlock, equations: Sequence[sympy.Expr]) -> frozenset[str]:

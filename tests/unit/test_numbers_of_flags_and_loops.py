@@ -196,6 +196,30 @@ def search(part=None):
     return witness_search._WitnessSearch(part, part.start, 1.0, False, {})
 
 
+def test_sizes_of_loops_are_tried_from_usual_ones_to_far_ones(monkeypatch):
+    tried = []
+
+    def words(search, are_long=False):
+        return [("long_words" if are_long else "words", search.size)]
+
+    monkeypatch.setattr(witness_search._WitnessSearch, "words", words)
+    monkeypatch.setattr(witness_search._WitnessSearch, "paths", lambda search: [("paths", search.size)])
+    for attempt in ("closing", "solved", "shaped"):
+        monkeypatch.setattr(
+            LoopTrial, attempt, lambda trial, attempt=attempt: tried.append((trial[0], attempt, trial[1]))
+        )
+    monkeypatch.setattr(witness_search.controlled_paths, "is_singular", lambda *_: False)
+    assert witness_search._found([Part()], True, 0) is None
+    usual = (1.0, 0.5, 0.2, 0.1)
+    assert tried == [
+        *(("words", attempt, size) for attempt in ("closing", "solved") for size in usual),
+        *(("long_words", "shaped", size) for size in usual),
+        ("paths", "shaped", 1.0),
+        ("paths", "shaped", 0.5),
+        *(("words", "closing", size) for size in (0.02, 10.0, 100.0, 1e-3)),
+    ]
+
+
 def bent_place(angle, q=(0.0, 0.0, 0.0), names=("x", "y", "z")):
     """Where a configuration is bent to, of one row that turns by `angle` (of its first coordinate) at the start."""
     places = []

@@ -25,13 +25,31 @@ from lagcli.linear import independent_rows
 from lagcli.start import assembly, initial, projection
 from lagcli.start.initial import State
 
-# Sizes of loops in the order in which they are tried; the far ones come last, with round lengths alone.
-USUAL, FAR = (1.0, 0.5, 0.2, 0.1), (0.02, 10.0, 100.0, 1e-3)
-# Bent configurations: the angle by which holonomic rows are turned, rad, and what is left of the distances of particles
-# from those of the row.
-BENT, DRAWN = 0.5, 0.7
-# Sets of coordinates up to which all are tried; conditions up to which all words of round lengths are.
-COMBINATIONS, MANY = 200, 1
+
+class WitnessSearchParameters:
+    """The order of the search. The tests are of `tests/unit/test_numbers_of_flags_and_loops.py`."""
+
+    __slots__ = ()
+
+    usual: tuple[float, ...] = (1.0, 0.5, 0.2, 0.1)
+    """Sizes of loops, in the order in which they are tried.
+    `test_sizes_of_loops_are_tried_from_usual_ones_to_far_ones`."""
+    far: tuple[float, ...] = (0.02, 10.0, 100.0, 1e-3)
+    """Sizes that come last, with round lengths alone: few systems need them.
+    `test_sizes_of_loops_are_tried_from_usual_ones_to_far_ones`."""
+    bent: float = 0.5
+    """The angle by which holonomic rows are turned in them, rad. `test_holonomic_rows_are_turned_by_half_a_radian`."""
+    drawn: float = 0.7
+    """The part that is left of the distances of particles from those of the row.
+    `test_particles_are_drawn_together_to_seven_tenths`."""
+    combinations: int = 200
+    """Sets of coordinates up to which all are tried. `test_up_to_two_hundred_sets_of_coordinates_all_are_tried`."""
+    many: int = 1
+    """Conditions up to which all words of round lengths are tried.
+    `test_of_one_condition_two_goals_are_tried_and_of_more_one`."""
+
+
+PARAMETERS = WitnessSearchParameters()
 # Of random directions; a fixed one: the witness must not change from run to run.
 SEED = 2023
 
@@ -77,12 +95,12 @@ def _bent(system: System, numeric: NumericSystem, state: State, row: int, seed: 
     with np.errstate(all="ignore"):
         rates = turned / lengths / doubles.ROOT
     rates = rates[np.isfinite(rates) & (rates > 0)]
-    q = state.q + (BENT / float(np.median(rates)) if rates.size else BENT) * noise
+    q = state.q + (PARAMETERS.bent / float(np.median(rates)) if rates.size else PARAMETERS.bent) * noise
     count = state.q.size - len(system.model.generalized_names)  # components of particles come first
     touched = np.unique(column[row_of == row])
     if (touched < count).any():
         centre = state.q[:count].reshape(-1, 3)[touched[touched < count] // 3].mean(axis=0)
-        q[:count] -= np.ravel((1 - DRAWN) * (state.q[:count].reshape(-1, 3) - centre))
+        q[:count] -= np.ravel((1 - PARAMETERS.drawn) * (state.q[:count].reshape(-1, 3) - centre))
     surface = projection.Surface(numeric, state.t, state.p, initial.metric_at(numeric, state))
     reached = surface.descend(q)
     return dataclasses.replace(state, q=reached.q) if reached.is_on else None
@@ -95,11 +113,11 @@ def _found(parts: list[LocalPart], is_whole: bool, shift: int) -> Witness | None
         # Words that close by themselves have round lengths; then those whose lengths must be solved for, at last so
         # that the coordinate moves by a round amount. Sizes far from one come last: few systems need them.
         stages = (
-            (_WitnessSearch.words, LoopTrial.closing, USUAL),
-            (_WitnessSearch.words, LoopTrial.solved, USUAL),
-            (partial(_WitnessSearch.words, are_long=True), LoopTrial.shaped, USUAL),
-            (_WitnessSearch.paths, LoopTrial.shaped, USUAL[:2]),
-            (_WitnessSearch.words, LoopTrial.closing, FAR),
+            (_WitnessSearch.words, LoopTrial.closing, PARAMETERS.usual),
+            (_WitnessSearch.words, LoopTrial.solved, PARAMETERS.usual),
+            (partial(_WitnessSearch.words, are_long=True), LoopTrial.shaped, PARAMETERS.usual),
+            (_WitnessSearch.paths, LoopTrial.shaped, PARAMETERS.usual[:2]),
+            (_WitnessSearch.words, LoopTrial.closing, PARAMETERS.far),
         )
         for trials, attempt, sizes in stages:
             for search in searches:
@@ -119,7 +137,7 @@ def _searches(parts: list[LocalPart], shift: int, is_whole: bool) -> Iterator[_W
     if parts and is_whole and parts[-1].knows_time:
         kinds.append((parts[-1], True))
     orbits: dict[tuple[int, bool, bytes], PathOrbit] = {}
-    for size, (part, timed) in itertools.product((*USUAL, *FAR), kinds):
+    for size, (part, timed) in itertools.product((*PARAMETERS.usual, *PARAMETERS.far), kinds):
         base = part.start
         if shift:
             weights = np.array([(1 + i * shift) % (shift + 1) + 1 for i in range(part.k)]) / 2
@@ -150,7 +168,7 @@ class _WitnessSearch:
 
     def words(self, are_long: bool = False) -> list[LoopTrial]:
         """Words of moves along axes; are_long: those of which all round lengths would be too many."""
-        return [trial for trial in self._every_word if (trial.extra > MANY) is are_long]
+        return [trial for trial in self._every_word if (trial.extra > PARAMETERS.many) is are_long]
 
     def paths(self) -> Iterator[LoopTrial]:
         """Paths of any shape; of too many goals, those of the coordinates in which the orbit's points differ most."""
@@ -158,7 +176,7 @@ class _WitnessSearch:
         for found, along in self._movable:
             frame = controlled_paths.projected(self.part, found.kernel)
             others = max(0, found.tangent.shape[1] - free.size - 1)
-            if math.comb(self.part.k - 1, others) <= COMBINATIONS:
+            if math.comb(self.part.k - 1, others) <= PARAMETERS.combinations:
                 goals = list(self._goals(found, along, free))
             else:
                 closed = _pivots(found.tangent.T, along)[1 : found.tangent.shape[1]]
@@ -217,7 +235,7 @@ class _WitnessSearch:
         """The coordinates to close besides the free ones; those with the fewest that follow first."""
         missing = found.tangent.shape[1] - free.size - 1
         others = [i for i in range(self.part.k) if i != along and i not in free]
-        if missing < 0 or math.comb(len(others), missing) > COMBINATIONS:
+        if missing < 0 or math.comb(len(others), missing) > PARAMETERS.combinations:
             return
         goals = []
         for more in itertools.combinations(others, missing):
@@ -226,7 +244,7 @@ class _WitnessSearch:
             if lift is not None and self._is_crossed(lift):
                 goals.append((np.count_nonzero(lift[:, -1]), Goal(self.base, along, closed, self.size)))
         goals.sort(key=lambda one: one[0])
-        yield from (goal for _, goal in goals[: 2 if missing <= MANY else 1])
+        yield from (goal for _, goal in goals[: 2 if missing <= PARAMETERS.many else 1])
 
     def _frames(self, found: PathOrbit, along: int) -> list[controlled_paths.ControlledFrame]:
         """Choices of free coordinates, `along` being led; those that steer best first."""
@@ -245,7 +263,7 @@ class _WitnessSearch:
         if chosen.size < rank:
             return []
         others = [i for i in range(part.k) if i != along]
-        if math.comb(part.k - 1, rank - 1) <= COMBINATIONS:
+        if math.comb(part.k - 1, rank - 1) <= PARAMETERS.combinations:
             sets = [np.array([along, *led]) for led in itertools.combinations(others, rank - 1)]
         else:
             sets = [_pivots(A[0][chosen][:, :-1], along)]

@@ -117,6 +117,17 @@ class EvaluationPoint:
         """The ranks of the holonomic rows and of all."""
         return self.surface.low, self.all.low
 
+    def _in_kernel(self, u: Floats) -> Floats:
+        """The field of D at this point nearest to u (N,), both in scaled coordinates."""
+        is_plain = self.rows.is_large or self.rows.are_independent
+        spanned = None if is_plain else rank.space(self.rows.dense, is_whole=False).right[: self.all.low]
+        for _ in range(2):
+            if spanned is None:
+                u = u + self.rows.correction(np.array(self.A @ u).ravel())
+            else:
+                u = u - spanned.T @ (spanned @ u)
+        return u
+
     @cached_property
     def least(self) -> float:
         """The smallest singular value that counts, of rows of length one; 1 of many rows."""
@@ -137,18 +148,7 @@ class EvaluationPoint:
             return np.zeros(0)
         random = np.random.default_rng(SEED)
         free = random.standard_normal((2 * len(differential) + 2, self.block.size))
-        # The fields of D at this point nearest to these, in scaled coordinates
-        is_plain = self.rows.is_large or self.rows.are_independent
-        spanned = None if is_plain else rank.space(self.rows.dense, is_whole=False).right[: self.all.low]
-        nearest = []
-        for u in free:
-            for _ in range(2):
-                if spanned is None:
-                    u = u + self.rows.correction(np.array(self.A @ u).ravel())
-                else:
-                    u = u - spanned.T @ (spanned @ u)
-            nearest.append(u)
-        projected = np.array(nearest) * self.sizes
+        projected = np.array([self._in_kernel(u) for u in free]) * self.sizes
         pairs = [(a, b) for i, a in enumerate(projected) for b in projected[:i]]
         brackets = np.array([np.array(self.block.curl(self.x, self.p, *pair)).ravel() for pair in pairs])
         values, size = brackets.T[differential], self.terms[differential]

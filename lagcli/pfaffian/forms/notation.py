@@ -33,10 +33,23 @@ ZERO = sympy.Integer(0)
 _CONSTANTS: dict[str, sympy.Expr] = {"pi": sympy.pi, "deg": sympy.pi / 180}
 
 
-# Bounds on what is read into exact algebra: nodes of a formula, as SymPy needs time quadratic in them; digits of a
-# number as it is written; the absolute value of a rational exponent; digits of any other number, above and below
-# together: a search for prime factors of longer ones hears no interrupt for minutes.
-MOST_NODES, MOST_DIGITS, MOST_EXPONENT, MOST_DIGITS_MADE = 4000, 300, 200, 1200
+class NotationParameters:
+    """Bounds on what is read into exact algebra. The tests are of `tests/unit/test_notation.py`."""
+
+    __slots__ = ()
+
+    most_nodes: int = 4000
+    """Nodes of a formula, as SymPy needs time quadratic in them (`test_a_formula_of_many_terms_is_refused`)."""
+    most_digits: int = 300
+    """Digits of a number as it is written (`test_a_number_of_many_digits_is_refused`)."""
+    most_exponent: int = 200
+    """The absolute value of a rational exponent (`test_a_large_power_is_refused`)."""
+    most_digits_made: int = 1200
+    """Digits of any other number, above and below together: a search for prime factors of longer ones hears no
+    interrupt for minutes (`test_a_power_of_a_long_number_is_refused`)."""
+
+
+PARAMETERS = NotationParameters()
 
 T = TypeVar("T")
 V = TypeVar("V")
@@ -56,7 +69,7 @@ class SympyAlgebra:
     def number(self, node: tree.Number) -> sympy.Expr:
         if float(node.text) == 0.0:
             return ZERO  # whatever its exponent is
-        if len(node.text) > MOST_DIGITS:
+        if len(node.text) > PARAMETERS.most_digits:
             raise TooLarge("a number has too many digits")
         return sympy.Rational(node.text)
 
@@ -104,8 +117,9 @@ def exact(value: float) -> sympy.Expr:
 
 def require_short(node: tree.Node) -> None:
     """Raise `TooLarge` for a formula of many terms."""
-    if sum(1 for _ in itertools.islice(tree.walk(node), MOST_NODES + 1)) > MOST_NODES:
-        raise TooLarge(f"this has more than {MOST_NODES} terms and factors")
+    most = PARAMETERS.most_nodes
+    if sum(1 for _ in itertools.islice(tree.walk(node), most + 1)) > most:
+        raise TooLarge(f"this has more than {most} terms and factors")
 
 
 def require_small(value: V, most_operations: int) -> V:
@@ -123,13 +137,13 @@ def require_small(value: V, most_operations: int) -> V:
 
 
 def _is_large(exponent: sympy.Expr) -> bool:
-    return bool(exponent.is_Rational and abs(exponent) > MOST_EXPONENT)
+    return bool(exponent.is_Rational and abs(exponent) > PARAMETERS.most_exponent)
 
 
 def _is_long(number: sympy.Rational, power: float = 1.0) -> bool:
     """True if a power of a number has too many digits."""
     bits = int(number.p).bit_length() + int(number.q).bit_length()
-    return power * bits * math.log10(2) > MOST_DIGITS_MADE
+    return power * bits * math.log10(2) > PARAMETERS.most_digits_made
 
 
 class _Printer(StrPrinter):  # type: ignore[misc] # SymPy has no types
