@@ -44,6 +44,8 @@ def made_up(monkeypatch):
                 run.statistics.add(Incident(t, kind, "rod", np.full(rows, t), line, line + t))
         settle(run)
 
+    # Steps that native code takes are not accepted one by one.
+    monkeypatch.setattr(loop.paying, "pays", lambda steps: False)
     monkeypatch.setattr(stepper.Stepper, "accept", accepting)
     monkeypatch.setattr(stepper.Stepper, "settle", settling)
 
