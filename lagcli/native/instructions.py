@@ -11,8 +11,6 @@ from collections.abc import Callable
 # So many entries are done at a time: what each of them becomes does not depend on it.
 LANES = 4
 DOUBLE, DOUBLES = "double", f"<{LANES} x double>"
-# Loops of so few turns are written out.
-WRITTEN_OUT = 4
 
 Index = int | str
 
@@ -112,7 +110,7 @@ class Body:
         self.kind = DOUBLE
 
     def _turns(self, turns: int, step: int, body: Callable[[Index], None]) -> None:
-        if turns <= WRITTEN_OUT:
+        if turns <= LANES:  # so few are written out
             for i in range(turns):
                 body(i * step)
             return

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
+from enum import IntEnum
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,9 +19,16 @@ from lagcli.errors import requirements
 from lagcli.native import object_folder
 from lagcli.native.paying import LIBRARY
 
-# Code is made soonest at the first level; at the last it runs up to 1.6 times as fast, and takes two to six times as
-# long to make.
-SOON, BEST = 0, 1
+
+class Level(IntEnum):
+    """How code is made: soonest, or so that it runs up to 1.6 times as fast and takes two to six times as long to
+    make."""
+
+    SOON = 0
+    BEST = 1
+
+
+SOON, BEST = Level
 # Instructions that round a product and a sum once. LLVM makes none of what is written as two operations, and here could
 # not; where they belong to the processor's first ones it knows no such name.
 FUSED = ("fma", "fma4")

@@ -14,6 +14,7 @@ LISTED = 3
 METHODS = {
     "lagcli.compiled.multiprecision": "values in `Decimal`, and operations on two numbers",
     "lagcli.expression.term_sizes": "sizes of the terms of operations on two numbers",
+    "lagcli.compiled.column_program": "operations of CasADi on many columns, whose bits are its own",
     "lagcli.equations.operation_rules": "sizes of terms in CasADi",
     "lagcli.equations.power_series": "recurrences of coefficients",
     "lagcli.expression.enclosures": "enclosures by mpmath",
