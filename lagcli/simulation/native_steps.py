@@ -137,10 +137,10 @@ class NativeFunctions:
             return
         if self.code is None and not self._is_looked_for:
             self._is_looked_for = True
-            for level in (BEST, SOON):
-                kept = object_folder.read(f"{self._key[0]}-{level}")
+            for known in (BEST, SOON):
+                kept = object_folder.read(f"{self._key[0]}-{known}")
                 if kept is not None:
-                    self._take(kept, level)
+                    self._take(kept, known)
                     break
         level = -1 if self.code is None else self.code.level
         if mode == "always" and level < BEST:
