@@ -665,7 +665,7 @@ def environment() -> dict[str, str]:
 def test_an_interrupted_process_goes_on_byte_for_byte(tmp_path: Path, number: int, code: int) -> None:
     (tmp_path / "m.yaml").write_text(PENDULUM)
     # Fewer rows than steps: most of the time the run is between rows.
-    options = ["simulate", "m.yaml", "--duration", "600", "--output-step", "0.5", "-q"]
+    options = ["simulate", "m.yaml", "--duration", "600", "--output-step", "0.5", "-q", "--compile", "never"]
     files = ["-o", "run.csv", "--checkpoint", "c.json"]
     process = subprocess.Popen(
         [sys.executable, "-m", "lagcli", *options, *files], cwd=tmp_path, env=environment(),

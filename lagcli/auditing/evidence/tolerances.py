@@ -116,7 +116,7 @@ class Evidence:
     def _off(self, y: Array, times: int) -> Array:
         """rtol |y| + atol, and what rounded accelerations make in a step, integrated so many times. The components of
         particles have one size in common, each other coordinate its own."""
-        apart = float(np.abs(np.diff(self._whole.t)).max(initial=0.0))
+        apart = np.abs(np.diff(self._whole.t)).max(initial=0.0)  # whose square may be no double
         size = np.abs(y).max(axis=0)
         size[self.n :] = size[self.n :].max(initial=0.0)
         size[: self.own] = max(size[: self.own].max(initial=0.0), size[self.n :].max(initial=0.0))
