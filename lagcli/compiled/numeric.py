@@ -303,6 +303,13 @@ class NumericSystem:
 
         return force_switches.find(self._system)
 
+    @cached_property
+    def joint_reactions(self) -> ca.Function:
+        """joint_reactions(t, q, v, p, lambda) -> force and torque of each joint, (6 J,), linear in lambda (C + K,)."""
+        whole, count = self._system.of_bodies, 6 * len(self._system.model.joints)
+        reactions = ca.densify(whole[whole.numel() - count :])
+        return SizedFunction("joint_reactions", [*self._inputs, self._system.lam], [reactions])
+
     inertia = _Compiled("t q v p", lambda own: [own._parts.M])
     """inertia(t, q, v, p) -> M (n, n)."""
 
@@ -372,7 +379,7 @@ def table(system: System, parts: shared.Parts) -> ca.Function:
     moving = ca.vertcat(ca.reshape(system.r, 3, particles), ca.reshape(system.r_dot, 3, particles))
     generalized = ca.horzcat(symbols.q[first:], symbols.v[first:])
     values = [ca.vec(moving), ca.vec(generalized.T), system.lam, system.R, system.Q_R[first:]]
-    values += [dynamics.energy, system.outputs]
+    values += [system.of_bodies, dynamics.energy, system.outputs]
     account = ca.vertcat(*shared.residuals(parts), dynamics.jacobi, dynamics.rest)
     row, open_ = ca.vertcat(*values), list(parts.selection.inactive)
     if open_ and not parts.switches.numel():

@@ -69,6 +69,7 @@ class System:
     jumps: EnergyJumps | None
     warnings: tuple[diagnostics.Diagnostic, ...]
     columns: tuple[str, ...]
+    of_bodies: ca.SX
 
     @property
     def f(self) -> ca.SX:
@@ -159,7 +160,29 @@ def build(model: nouns.Model, restated: Restated | None = None) -> System:
         jumps=jumps,
         warnings=_reaction_warnings(model, s, env, dynamics),
         columns=_columns(model, (*equalities.rows, *contacts.rows)),
+        of_bodies=_of_bodies(model, env, everything, lam),
     )
+
+
+def _of_bodies(model: nouns.Model, env: Environment, every: rows.ConstraintRows, lam: ca.SX) -> ca.SX:
+    """See `body_values`. Bodies are Cartesian particles alone."""
+    if not model.bodies:
+        return ca.SX(0, 1)
+    from lagcli.equations import body_values  # most models have none
+
+    everyone = np.arange(len(env.particles))
+    numbers = {row.name: i for i, row in enumerate(every.rows)}
+    forces = {}
+    for joint in model.joints:
+        own = [numbers[row] for row in joint.rows]
+        Q = reaction(every.B[own, :], lam[own])
+        whole = ca.SX.zeros(3 * everyone.size)
+        for particle in joint.body.particles:
+            first = int(env.rows_of(np.array([particle]))[0])
+            whole[3 * particle : 3 * particle + 3] = Q[first : first + 3]
+        forces[joint.name] = whole
+    r, v = (environment.interleaved(x) for x in (env.position(everyone), env.velocity(everyone)))
+    return body_values.values(model, env, r, v, forces)
 
 
 def _columns(model: nouns.Model, constraints: Sequence[ConstraintRow]) -> tuple[str, ...]:
@@ -169,6 +192,8 @@ def _columns(model: nouns.Model, constraints: Sequence[ConstraintRow]) -> tuple[
     names += [f"lambda.{row.name}" for row in constraints]
     names += [f"R.{name}.{axis}" for name in particles for axis in "xyz"]
     names += [f"R.{name}" for name in generalized]
+    names += (column for body in model.bodies for column in body.columns)
+    names += (column for joint in model.joints for column in joint.columns)
     names += ["energy", *(column for output in model.outputs for column in output.columns)]
     return tuple(names)
 

@@ -109,6 +109,11 @@ def value(node: tree.Node, algebra: Algebra[S], own: Collection[str] = ()) -> Va
             return algebra.operation(node, "pow", base, exponent)
         case tree.Component():
             inner = node.vector
+            if isinstance(inner, tree.Reference) and inner.member and inner.start == node.start:
+                # `a.v.x`, and not `(a.v).x`: points of bodies alone have two dots.
+                hint = hints.second_dot(inner.owner, inner.member, node.member)
+                message = "only one dot may follow a name"
+                raise ExpressionError("syntax", message, inner.end, inner.end + 1, hint)
             owner = f"{inner.function}(...)" if isinstance(inner, tree.Call) else "(...)"
             return component(node, value(inner, algebra, own), node.member, owner)
         case tree.Vector():

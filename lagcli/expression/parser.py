@@ -307,11 +307,16 @@ class _Parser:
             self._expect("]", opened)
             self._depth -= 1
         member = self._member()
-        if indices:
-            return tree.Index(start, self._end(), name, tuple(indices), member)
-        if member:
-            return tree.Member(start, self._end(), name, member)
-        return tree.Name(start, start + len(name), name)
+        if not (indices or member):
+            return tree.Name(start, start + len(name), name)
+        end = self._end()
+        node = (
+            tree.Index(start, end, name, tuple(indices), member)
+            if indices
+            else tree.Member(start, end, name, member)
+        )
+        # `crank.pin.x`; of what is no body it is refused where names are known.
+        return self._component(start, node)
 
     def _component(self, start: int, vector: tree.Node) -> tree.Node:
         """The expression that a closing parenthesis ends, or a component of it: `reaction(a).x`."""
@@ -334,10 +339,6 @@ class _Parser:
         if part is None:
             message = f"a component is missing after `{self._texts[self._at - 2]}.`"
             raise ExpressionError("syntax", message, token.start, token.end, "for example `.x`")
-        if self._kinds[self._at] == ".":
-            extra, further = self._peek(), self._texts[self._at + 1 : self._at + 2]
-            hint = hints.second_dot(self._texts[self._at - 3], part.text, further[0] if further else "")
-            raise ExpressionError("syntax", "only one dot may follow a name", extra.start, extra.end, hint)
         return part.text
 
 

@@ -184,6 +184,21 @@ def children(node: Node) -> tuple[Node, ...]:
     return below(node) if below else ()
 
 
+def mapped(node: Node, change: Callable[[Node], Node]) -> Node:
+    """The node with other nodes directly below it."""
+    if type(node) not in _CHILDREN:
+        return node
+    make: Callable[..., Node] = type(node)
+    return make(*(_mapped(getattr(node, field.name), change) for field in dataclasses.fields(node)))
+
+
+def _mapped(value: object, change: Callable[[Node], Node]) -> object:
+    """A part of a node: a node, several, pairs with one, or what is none."""
+    if isinstance(value, Node):
+        return change(value)
+    return tuple(_mapped(part, change) for part in value) if isinstance(value, tuple) else value
+
+
 def walk(node: Node) -> Iterator[Node]:
     """All nodes of the tree, parents first, without recursion."""
     stack = [node]

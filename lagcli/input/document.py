@@ -9,7 +9,7 @@ import hashlib
 import math
 from collections import ChainMap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -34,6 +34,9 @@ from lagcli.input import (
 from lagcli.input.scalars import Formulas, Reading, Trees
 from lagcli.model import family, model
 
+if TYPE_CHECKING:
+    from lagcli.input.bodies import BodyReader
+
 T = TypeVar("T")
 Equation = model.Holonomic | model.Differential
 Law = TypeVar("Law", model.Holonomic, model.Differential)
@@ -41,7 +44,12 @@ Law = TypeVar("Law", model.Holonomic, model.Differential)
 FULL_TURN = 2 * math.pi  # radians: a start beyond it is possible, but seldom meant
 _CIRCULAR = functions.named(lambda row: row.angle == "argument")
 _CALLS = functions.calls(lambda row: row.angle == "argument")
-_NAMED = (*(section for section, _ in entry_names.NAMING), "forces", *entry_names.CONSTRAINTS, "events")
+_NAMED = (
+    *(section for section, _ in entry_names.NAMING if section != "bodies"),
+    "forces",
+    *entry_names.CONSTRAINTS,
+    "events",
+)
 
 
 def read(data: bytes | str, path: str, changes: Mapping[str, object] | None = None) -> model.Model:
@@ -96,6 +104,7 @@ class _Document:
         self._scope = scope.Scope()
         self._formulas = Formulas(self._scope, self._found, reading=reading)
         self._names = entry_names.EntryNames(self._scope, self._formulas)
+        self._reader: BodyReader | None = None
 
     def read(self, of_members: Sequence[overrides.OfMember]) -> model.Model:
         """The model, with the changes to single members made."""
@@ -138,7 +147,9 @@ class _Document:
         parameters = self._parameters()
         self._names.count_members(self._entries)
         coordinates = self._named("coordinates", self._coordinate)
+        made = self._bodies()
         particles, definitions = self._particles_and_definitions()
+        particles = (*particles, *made.particles)
         node = self._written("lagrangian")
         lagrangian = None if node is None else self._formulas.scalar(node, facts.MOTION, "a Lagrangian")
         forces = self._forces(particles)
@@ -150,7 +161,17 @@ class _Document:
         events = self._named("events", functools.partial(run_sections.event, self._formulas))
         # Nothing may be left out in silence: without an error every entry has become a noun.
         laws = (holonomic, differential, walls, rigid)
-        read = (parameters, coordinates, particles, definitions, forces, *laws, outputs, events)
+        own = particles[: len(particles) - len(made.particles)]
+        read = (
+            parameters,
+            coordinates,
+            own,
+            definitions,
+            forces,
+            *laws,
+            outputs,
+            events,
+        )
         count = sum(1 for section in _NAMED for _ in self._entries(section))
         assert self._found.has_errors or sum(map(len, read)) == count
         return model.Model(
@@ -160,15 +181,15 @@ class _Document:
             description=description,
             source=source,
             units=model.Units(**units),
-            parameters=parameters,
+            parameters=(*parameters, *made.parameters),
             coordinates=coordinates,
             particles=particles,
             definitions=definitions,
             lagrangian=lagrangian,
-            forces=forces,
-            holonomic=holonomic,
-            differential=differential,
-            rigid=rigid,
+            forces=tuple(force for each in forces for force in each),
+            holonomic=(*holonomic, *made.holonomic),
+            differential=(*differential, *made.differential),
+            rigid=(*rigid, *made.rigid),
             inequality=tuple(wall for each in walls for wall in each),
             outputs=outputs,
             events=events,
@@ -176,6 +197,8 @@ class _Document:
             warnings=(),
             order=(),
             structure=(),
+            bodies=tuple(made.bodies),
+            joints=tuple(made.joints),
         )
 
     def _check_shape(self) -> None:
@@ -243,6 +266,20 @@ class _Document:
                 self._scope.names.settle(name.value)
         return tuple(read)
 
+    def _bodies(self) -> model.Made:
+        """What the bodies and joints stand for."""
+        declared, joined = (list(self._entries(section)) for section in ("bodies", "joints"))
+        if not (declared or joined):
+            return model.Made()
+        from lagcli.input import bodies, joints  # most models have none
+
+        reader = self._reader = bodies.BodyReader(self._formulas)
+        for name, node in declared:
+            reader.read(name, node, self._formulas_of("bodies", name))
+        for name, node in joined:
+            joints.read(reader, name, node, self._formulas_of("joints", name))
+        return reader.made
+
     def _coordinate(self, name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> model.Coordinate | None:
         self._scope.names.define(name.value, namespace.known(namespace.POSITION))
         formulas = self._formulas_of("coordinates", name)
@@ -293,16 +330,22 @@ class _Document:
             return None
         return self._formulas.either_facts(expression, facts.MOTION, "a definition", lookup)
 
-    def _forces(self, particles: tuple[model.Particle, ...]) -> tuple[model.Force, ...]:
+    def _forces(self, particles: tuple[model.Particle, ...]) -> tuple[tuple[model.Force, ...], ...]:
         masses = np.concatenate([np.zeros(0), *(particle.mass_values for particle in particles)])
         complete = masses.size == len(self._scope.names.member_indices["particle"])
 
-        def one(name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> model.Force | None:
+        def one(name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> tuple[model.Force, ...] | None:
             formulas = self._formulas_of("forces", name)
+            if formulas is not None and self._reader is not None:
+                from lagcli.input import body_forces  # as above
+
+                on_bodies = body_forces.forces(self._reader, formulas, node)
+                if on_bodies is not None:
+                    return on_bodies
             force = None if formulas is None else entries.force(formulas, node)
             if formulas is not None and isinstance(force, model.ParticleForce) and complete:
                 entries.warn_of_shadows(formulas, force, masses)
-            return force
+            return None if force is None else (force,)
 
         return self._named("forces", one)
 

@@ -21,9 +21,20 @@ NAMING: tuple[tuple[str, namespace.Kind], ...] = (
     ("particles", "particle"),
     ("definitions", "definition"),
     ("outputs", "output"),
+    ("bodies", "body"),
 )
 CONSTRAINTS = ("holonomic", "rigid", "differential", "inequality")
-FAMILIES = ("coordinates", "particles", "forces", "holonomic", "differential", "inequality", "outputs")
+FAMILIES = (
+    "coordinates",
+    "particles",
+    "forces",
+    "holonomic",
+    "differential",
+    "inequality",
+    "outputs",
+    "bodies",
+    "joints",
+)
 
 Entries = Callable[[str], Iterator[tuple[yaml_tree.Scalar, yaml_tree.AnyNode]]]
 
@@ -71,7 +82,7 @@ class EntryNames:
         report = self._formulas.report
         # Impulses of a constraint `x` stand beside the positions of a particle of this name.
         axes = {"x", "y", "z"} if any(name.value == "impulse" for name, _ in entries("particles")) else set()
-        for section in (*CONSTRAINTS, "forces", "events"):
+        for section in (*CONSTRAINTS, "joints", "forces", "events"):
             for name, value in entries(section):
                 has_members = section in FAMILIES and is_family(name, value)
                 word = base_of(name) if has_members else name.value
@@ -82,7 +93,7 @@ class EntryNames:
                 elif section in CONSTRAINTS and word in axes:
                     message = f"the impulse of `{word}` would have the name of a component of the particle `impulse`"
                     report(name, "duplicate-name", message, "rename one of them")
-                elif section in CONSTRAINTS:
+                elif section in (*CONSTRAINTS, "joints"):
                     if word in taken and not (has_members and taken[word] == (section, True)):
                         message = f"`{word}` is already a constraint under `{taken[word][0]}`"
                         report(name, "duplicate-name", message, "two columns would have one name")
@@ -100,7 +111,7 @@ class EntryNames:
                     found = self._members(name, value, closed)
                 self.members[section, name.value] = found
                 kind, base = kinds.get(section), base_of(name)
-                if kind is None:
+                if kind not in namespace.NUMBERED:
                     continue
                 if found is None:
                     names.reserve(name.value, base, kind)

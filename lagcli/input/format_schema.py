@@ -25,6 +25,7 @@ _NAME: Schema = {"type": "string"}
 _VECTOR: Schema = {
     "anyOf": [{"type": "array", "items": dict(_FORMULA), "minItems": 3, "maxItems": 3}, {"type": "string"}]
 }
+_MATRIX: Schema = {"type": "array", "items": dict(_VECTOR), "minItems": 3, "maxItems": 3}
 # What a key of the table may hold; words in backticks are a choice, and need no line here.
 _SHAPES: dict[str, Schema] = {
     "text": _TEXT,
@@ -40,6 +41,18 @@ _SHAPES: dict[str, Schema] = {
     "name, list of names or `all`": {"anyOf": [_NAME, {"type": "array", "items": _NAME, "minItems": 1}]},
     "list of particles": {"anyOf": [{"type": "array", "items": _NAME, "minItems": 1}, _NAME]},
     "list of coordinates": {"anyOf": [{"type": "array", "items": _NAME}, {"type": ["string", "null"]}]},
+    **dict.fromkeys(("point", "direction", "three lengths"), _VECTOR),
+    "body": _NAME,
+    "two bodies": {"type": "array", "items": _NAME, "minItems": 2, "maxItems": 2},
+    "two lengths": {"type": "array", "items": dict(_FORMULA), "minItems": 2, "maxItems": 2},
+    "two directions": {"type": "array", "items": dict(_VECTOR), "minItems": 2, "maxItems": 2},
+    "place, or two places": {
+        "anyOf": [*_VECTOR["anyOf"], {"type": "array", "items": dict(_VECTOR), "minItems": 2, "maxItems": 2}]  # type: ignore[misc]
+    },
+    "four numbers": {"type": "array", "items": dict(_FORMULA), "minItems": 4, "maxItems": 4},
+    "three rows of three": _MATRIX,
+    "three moments, or three rows of three": {"anyOf": [*_VECTOR["anyOf"], _MATRIX]},  # type: ignore[misc]
+    "axes and angles": {"type": "array", "minItems": 4, "maxItems": 4},
     "range or list of ranges": {
         "anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]
     },

@@ -17,7 +17,7 @@ from lagcli.expression.tree import ExpressionError
 from lagcli.model import family
 from lagcli.model.family import Family, Integers, MemberIndex, MissingMember
 
-Kind = Literal["parameter", "coordinate", "particle", "definition", "output"]
+Kind = Literal["parameter", "coordinate", "particle", "definition", "output", "body"]
 
 RESERVED = ("t", "dt", "pi", "kinetic", "potential")
 NOT_FOR_COLUMNS = ("all", "lambda", "R", "energy", "err")
@@ -82,6 +82,13 @@ class Namespace:
             self._families.add(base)
         self._keys.setdefault(base, []).append(key)
         return ""
+
+    def add_hidden(self, key: str, kind: Kind, value: Either, is_family: bool = False) -> None:
+        """An entry that no text of the file can name, with its facts."""
+        self._entries[key] = Entry(kind, is_family, value=value)
+        self._keys[key] = [key]
+        if is_family:
+            self._families.add(key)
 
     def reserve(self, key: str, base: str, kind: Kind) -> None:
         """Take a name whose declaration has been refused, so that its uses are not refused too."""

@@ -100,7 +100,12 @@ class Formulas:
         known = trees.get((read, node.value))
         if known is None:
             try:
-                known = trees[read, node.value] = read(node.value)
+                known = read(node.value)
+                if self.scope.bodies:
+                    from lagcli.input import body_points  # most models have none
+
+                    known = body_points.expanded(known, self.scope.bodies)
+                trees[read, node.value] = known
             except ExpressionError as error:
                 self.trouble(node, error)
                 return None
@@ -143,6 +148,8 @@ class Formulas:
             return read(expression.tree, algebra)
         except ExpressionError as error:
             self.trouble(expression.origin, error)
+            if error.code == "syntax":  # names are not what they seem
+                return None
         waiting = [expression.tree]
         while waiting:
             node = waiting.pop()

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from lagcli.errors import diagnostics
 from lagcli.expression import evaluate, facts, hints, tree
@@ -17,6 +17,9 @@ from lagcli.input import namespace
 from lagcli.input.namespace import Kind, Namespace
 from lagcli.model.family import Family, Integers, MemberIndex
 from lagcli.model.model import CONSTANTS
+
+if TYPE_CHECKING:
+    from lagcli.input.body_points import BodyNames  # most models have none
 
 Shape = Literal["scalar", "vector", "body"]
 
@@ -130,6 +133,7 @@ class Scope:
     def __init__(self) -> None:
         self.names = Namespace()
         self.laws = LawNames(self.names)
+        self.bodies: dict[str, BodyNames] = {}
 
     def lookup_in(self, members: Family, own: bool = False) -> Lookup:
         """The lookup for an expression of an entry; `own` opens `m`, `r`, `v` of a particle."""

@@ -20,7 +20,7 @@ class Family:
     base: str
     names: tuple[str, ...]
     indices: tuple[Indices, ...]
-    variables: Mapping[str, Integers]
+    variables: Mapping[str, Integers]  # of rows of joints also numbers that are no indices
 
     def __repr__(self) -> str:
         return f"<Members of {self.base}: {self.count}>"

@@ -19,6 +19,7 @@ from lagcli.arrays import Floats, Integers
 from lagcli.errors import diagnostics
 from lagcli.expression import tree
 from lagcli.frozen import frozen, frozen_value
+from lagcli.model.bodies import Body, Joint
 from lagcli.model.family import Family
 from lagcli.model.settings import Simulation
 
@@ -245,6 +246,19 @@ class DeclaredEvent:
     action: Literal["record", "stop"]
 
 
+class Made:
+    """The nouns that the bodies and joints of a file stand for, in its order."""
+
+    def __init__(self) -> None:
+        self.bodies: list[Body] = []
+        self.joints: list[Joint] = []
+        self.parameters: list[Parameter] = []
+        self.particles: list[Particle] = []
+        self.rigid: list[RigidBody] = []
+        self.holonomic: list[Holonomic] = []
+        self.differential: list[Differential] = []
+
+
 @frozen
 class Batch:
     """Members (by their numbers) of the particle entry number `entry`, to be evaluated together."""
@@ -296,6 +310,8 @@ class Model:
     warnings: tuple[diagnostics.Diagnostic, ...]
     order: tuple[str | Batch, ...]
     structure: tuple[tuple[str, float], ...]
+    bodies: tuple[Body, ...] = ()
+    joints: tuple[Joint, ...] = ()
     sha256: str = ""
     text: str = dataclasses.field(default="", repr=False)
     changes: tuple[tuple[str, str], ...] = ()

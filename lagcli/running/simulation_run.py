@@ -127,6 +127,15 @@ class SimulationRun:
         """The time of the last row: the end of the grid, or that of the event that has ended the run."""
         return self.t if self.report.statistics.ended_by is not None else self.grid.end
 
+    @functools.cached_property
+    def left_out(self) -> tuple[str, ...]:
+        """Columns of reactions that are not unique, and are given only where they are asked for."""
+        if not self.model.joints:
+            return ()
+        from lagcli.analysis import joint_reactions
+
+        return joint_reactions.not_unique(self.built, self.numeric, self.begin)
+
     @property
     def by_name(self) -> tuple[str, ...]:
         """Columns that are given only where they are asked for by name: `Q.theta`."""
@@ -192,7 +201,12 @@ class SimulationRun:
     @property
     def notes(self) -> tuple[str, ...]:
         """Remarks so far; see `run_remarks.remarks`."""
-        return run_remarks.remarks(self.built, self.report)
+        remarks = run_remarks.remarks(self.built, self.report)
+        if self.left_out:
+            from lagcli.analysis import joint_reactions
+
+            return (*remarks, *(joint_reactions.sentences(self.left_out)))
+        return remarks
 
     @property
     def stats(self) -> Stats:

@@ -63,7 +63,7 @@ class WrittenRun:
             run.add_event_rows()
         # Columns that are given by name alone are looked for where columns are named.
         by_name = () if request.columns is None else run.by_name
-        self._picked = list(range(len(run.columns)))
+        self._picked = [i for i, name in enumerate(run.columns) if name not in run.left_out]
         if request.columns is not None:
             from lagcli.output.tables import table_format
 

@@ -41,6 +41,8 @@ lagrangian: J/2*rate(theta)**2 + rate(phi)**2 + rate(psi)**2
 forces:
   weight: {to: all, force: [0, 0, -m*g]}
   torque: {to: theta, force: 1}
+  motor: {to: crank, torque: [0, 1, 0]}
+  twist: {between: [crank, ball], torque: [0, 1, 0]}
   spring: {potential: k/2*norm(e)**2}
   "wind[i]": {for: i = 1..N, if: i != 99, to: "p[i]", force: "[i, 0, 0]"}
   kinetic_like: {to: "u[1]", force: 1}
@@ -57,6 +59,40 @@ inequality:
   wall: {condition: a.x <= 90, restitution: 0.8}
   "side[i]": {for: i = 2..N, if: i != 99, condition: "p[i].x <= 90"}
 rigid: {body: [a, b, c]}
+bodies:
+  crank:
+    {mass: 2, inertia: [0.1, 0.2, 0.2], about: corner, center: [9, 0, 0], orientation: {axis: [0, 1, 0], angle: 0.1},
+     velocity: [0, 0, 0], angular_velocity: [0, 1, 0], points: {corner: [0.1, 0, 0]}, planar: false}
+  ball: {shape: {sphere: {mass: 1, radius: 0.2}}, center: [9, 0, 1], pivot: [9, 0, 0], spin: [0, 1, 0]}
+  can:
+    {shape: {cylinder: {mass: 1, radius: 0.2, length: 1}}, center: [9, 1, 1], orientation: {quaternion: [1, 0, 0, 0]}}
+  box:
+    {shape: {box: {mass: 1, size: [1, 2, 3]}}, center: [9, 2, 1],
+     orientation: {matrix: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}}
+  stick: {shape: {rod: {mass: 1, length: 1}}, center: [9, 3, 1], orientation: {euler: [z, x, z, [0.1, 0.2, 0.3]]}}
+  wheel: {shape: {disk: {mass: 1, radius: 0.3}}, center: [9, 4, 0.3], orientation: {axis: [1, 0, 0], angle: 90*deg},
+    roll: true}
+  pipe: {shape: {tube: {mass: 1, radius: 0.3, inner: 0.2, length: 1}}, center: [9, 5, 1]}
+  "free[i]": {for: i = 1..N, if: i != 99, mass: 1, inertia: [1, 1, 1], center: [9, 7, i]}
+  "bar[i]": {for: i = 1..N, if: i != 99, mass: 1, inertia: [1, 1, 1], center: [9, 6, i]}
+joints:
+  j1: {revolute: [ground, crank], at: [9, 0, 0], axis: [0, 1, 0]}
+  j2: {spherical: [crank, ball], at: [9, 0, 0]}
+  j3: {fixed: [crank, ball], at: [9, 0, 0]}
+  j4: {prismatic: [crank, ball], at: [9, 0, 0], axis: [0, 1, 0]}
+  j5: {cylindrical: [crank, ball], at: [9, 0, 0], axis: [0, 1, 0]}
+  j6: {point_on_line: [crank, ball], at: [9, 0, 0], axis: [0, 1, 0]}
+  j7: {universal: [crank, ball], at: [9, 0, 0], axes: [[1, 0, 0], [0, 1, 0]]}
+  j8: {hooke: [crank, ball], axes: [[1, 0, 0], [0, 1, 0]]}
+  j9: {planar: [crank, ball], at: [9, 0, 0], normal: [0, 0, 1]}
+  j10: {point_on_plane: [crank, ball], at: [9, 0, 0], normal: [0, 0, 1]}
+  j11: {screw: [crank, can], at: [9, 0, 0], axis: [0, 1, 0], pitch: 0.01}
+  j12: {distance: [crank, can], at: [[9, 0, 0], [9, 1, 1]]}
+  j13: {gear: [crank, can], axis: [0, 1, 0], radii: [0.1, 0.2]}
+  j14: {rack: [crank, can], axis: [0, 1, 0], along: [1, 0, 0], radius: 0.1}
+  j15: {rolling: wheel, axis: [0, 1, 0], radius: 0.3, on: {point: [0, 0, 0], normal: [0, 0, 1]}}
+  "j17[i]": {for: i = 1..N, spherical: [ground, "bar[i]"], at: [9, 6, i]}
+  "j16[i]": {for: i = 2..N, if: i != 99, spherical: ["bar[i-1]", "bar[i]"], at: [9, 6, i-1/2]}
 outputs:
   speed: norm(a.v)
   push: reaction(a)
@@ -173,8 +209,10 @@ def with_example(path: tuple[str, ...], key: keys.Key) -> Iterator[str]:
         return
     assert isinstance(node, yaml_tree.Mapping)
     entries = [value for _, value in node] if section.entries else [node]
-    for entry in entries:
+    while entries:
+        entry = entries.pop()
         for name, value in entry if isinstance(entry, yaml_tree.Mapping) else ():
+            entries.append(value)
             if name.value == path[-1]:
                 yield put(value, quoted(key.example))
             elif name.value in key.instead_of and not section.entries:
@@ -182,7 +220,7 @@ def with_example(path: tuple[str, ...], key: keys.Key) -> Iterator[str]:
 
 
 def quoted(example: str) -> str:
-    return example if example.startswith("[") else f'"{example}"'
+    return example if example.startswith(("[", "{")) else f'"{example}"'
 
 
 def put(node: yaml_tree.AnyNode, text: str) -> str:

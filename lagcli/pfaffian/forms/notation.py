@@ -88,8 +88,8 @@ class SympyAlgebra:
     def special(self, node: tree.Call) -> Value[sympy.Expr]:
         return self.resolver.special(node, self)
 
-    def variable(self, name: str, values: int) -> sympy.Expr:
-        return sympy.Integer(values)
+    def variable(self, name: str, values: float) -> sympy.Expr:
+        return sympy.Rational(values)  # exactly, as the weights of points are
 
 
 def coordinates(model: nouns.Model) -> dict[str, sympy.Symbol]:
