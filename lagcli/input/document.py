@@ -162,16 +162,7 @@ class _Document:
         # Nothing may be left out in silence: without an error every entry has become a noun.
         laws = (holonomic, differential, walls, rigid)
         own = particles[: len(particles) - len(made.particles)]
-        read = (
-            parameters,
-            coordinates,
-            own,
-            definitions,
-            forces,
-            *laws,
-            outputs,
-            events,
-        )
+        read = (parameters, coordinates, own, definitions, forces, *laws, outputs, events)
         count = sum(1 for section in _NAMED for _ in self._entries(section))
         assert self._found.has_errors or sum(map(len, read)) == count
         return model.Model(
@@ -271,14 +262,10 @@ class _Document:
         declared, joined = (list(self._entries(section)) for section in ("bodies", "joints"))
         if not (declared or joined):
             return model.Made()
-        from lagcli.input import bodies, joints  # most models have none
+        from lagcli.input import joints  # most models have none
 
-        reader = self._reader = bodies.BodyReader(self._formulas)
-        for name, node in declared:
-            reader.read(name, node, self._formulas_of("bodies", name))
-        for name, node in joined:
-            joints.read(reader, name, node, self._formulas_of("joints", name))
-        return reader.made
+        self._reader = joints.all_of(self._formulas, declared, joined, self._formulas_of)
+        return self._reader.made
 
     def _coordinate(self, name: yaml_tree.Scalar, node: yaml_tree.AnyNode) -> model.Coordinate | None:
         self._scope.names.define(name.value, namespace.known(namespace.POSITION))

@@ -291,6 +291,24 @@ class Joint:
         return members, written(self._name, f"{self._base}.{number}", equation)
 
 
+Entries = Sequence[tuple[yaml_tree.Scalar, yaml_tree.AnyNode]]
+
+
+def all_of(
+    formulas: Formulas,
+    bodies_: Entries,
+    joints: Entries,
+    formulas_of: Callable[[str, yaml_tree.Scalar], Formulas | None],
+) -> BodyReader:
+    """All bodies of a file, then its joints; formulas_of(section, name): those of an entry."""
+    reader = BodyReader(formulas)
+    for name, node in bodies_:
+        reader.read(name, node, formulas_of("bodies", name))
+    for name, node in joints:
+        read(reader, name, node, formulas_of("joints", name))
+    return reader
+
+
 def read(
     reader: BodyReader, name: yaml_tree.Scalar, node: yaml_tree.AnyNode, formulas: Formulas | None
 ) -> None:
