@@ -67,7 +67,13 @@ class BodyReader:
         self.placed: dict[str, PlacedBody] = {}
 
     def read(self, name: yaml_tree.Scalar, node: yaml_tree.AnyNode, formulas: Formulas | None) -> None:
-        """A body, or a family of them; what is wrong is reported."""
+        """A body, or a family of them; what is wrong is reported, and what speaks of it is not refused too."""
+        base = name.value.partition("[")[0].strip()
+        self._read(name, node, formulas)
+        if base not in self.placed:
+            self._formulas.scope.names.reserve(name.value, base, "body")
+
+    def _read(self, name: yaml_tree.Scalar, node: yaml_tree.AnyNode, formulas: Formulas | None) -> None:
         found = None if formulas is None else entries.fields(formulas, node, keys.FORMAT.key("bodies"))
         if formulas is None or found is None:
             return
@@ -83,6 +89,11 @@ class BodyReader:
         except body_inertia.ImpossibleInertia as error:
             formulas.report(found.get("inertia", node), "inertia-triangle", str(error))
             return
+        for point, place in points.items():
+            if not masses.holds(place):
+                message = f"the point `{point}` is off the axis of a body without extent across it"
+                formulas.report(found["points"], "rod-spin-undefined", message, "give it a radius")
+                return
         omega: Floats | None = np.zeros_like(centre)
         v: Floats | None = np.zeros_like(centre)
         if "angular_velocity" in found:
@@ -193,13 +204,18 @@ class BodyReader:
         """Rows that keep y of three particles, which leave a body three freedoms."""
         for k, word in enumerate(names.particles[:3], 1):
             height = f"{names.name}.y.{k}"
-            indices = tuple(Writer().name(index) for index in members.variables)
+            # The indices of a member, as numbers: its name may have any formula of the variables.
+            columns = {
+                f"{names.name}.index.{d}": np.array(each)
+                for d, each in enumerate(zip(*members.indices, strict=True))
+            }
+            indices = tuple(Writer().name(index) for index in columns)
             if names.is_family:
                 left: tree.Node = tree.Index(0, 0, word, indices, "y")
             else:
                 left = tree.Member(0, 0, word, "y")
             values = (centre + R @ masses.places[k - 1])[:, 1]
-            variables = cast("dict[str, Integers]", {**members.variables, height: values})
+            variables = cast("dict[str, Integers]", {**columns, height: values})
             rows = family.with_indices(f"{names.name}.planar.{k}", members.indices, variables)
             equation = tree.Relation(0, 0, left, "=", Writer().name(height))
             self.made.holonomic.append(model.Holonomic(rows, written(name, rows.base, equation), False))

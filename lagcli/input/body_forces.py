@@ -47,6 +47,11 @@ def forces(reader: BodyReader, formulas: Formulas, node: yaml_tree.AnyNode) -> t
     words = [item.value.strip() for item in items if isinstance(item, yaml_tree.Scalar)]
     is_all = words == ["all"]
     are_bodies = [word.partition("[")[0].partition(".")[0] in reader.placed for word in words]
+    names = formulas.scope.names
+    if any(names.is_broken(word.partition("[")[0].partition(".")[0]) for word in words) or (
+        not reader.placed and formulas.found.has_errors
+    ):
+        return ()  # that has been reported
     if not any(are_bodies) and not is_all and "torque" not in kinds:
         return None
     if not reader.placed or (not is_all and not all(are_bodies)) or len(words) < len(items):
@@ -149,8 +154,9 @@ def _on(
             found += _on(formulas, one, vector, kind, is_constant)
         return found
     P = len(names.particles)
+    mass = f"{names.name}.m"
     plain = [
-        body_points.with_own(part.tree, names, target.indices, lambda w: w.name(f"{names.name}.m"))
+        body_points.with_own(part.tree, names, target.indices, lambda w: w.name(mass))
         for part in vector.parts
     ]
 
@@ -210,6 +216,11 @@ def _between(
     vector = formulas.vector_expression(written)
     own = None if vector is None else formulas.vector_facts(vector, facts.MOTION, "a torque between bodies")
     if vector is None or own is None:
+        return ()
+    shadowed = sorted(set().union(*(tree.names(part.tree) for part in vector.parts)) & {"m", "r", "v"})
+    if shadowed:
+        message = f"`{shadowed[0]}` is a body's own in a force, and a torque between two has none"
+        formulas.report(written, "shadowed-name", message, "give what it stands for another name")
         return ()
     found: list[model.Force] = []
     for item, sign in zip(items, (-1, 1), strict=True):

@@ -42,6 +42,14 @@ class PointMasses:
         """P."""
         return len(self.places)
 
+    def holds(self, vector: Floats) -> bool:
+        """True if a vector (3,) in the axes of the body is fixed in it: of a rod, along its axis; of a point, none."""
+        if self.count > 2:
+            return True
+        axis = self.places[0] / (np.linalg.norm(self.places[0]) or 1.0)
+        off = vector - axis * (axis @ vector)
+        return bool(np.linalg.norm(off) <= doubles.ZERO * np.linalg.norm(vector))
+
     def weights(self, point: Floats) -> tuple[Floats, float]:
         """The weights (P,) of a point (3,) in the axes of the body, from its centre, and that of the normal."""
         return 1.0 / self.count + point @ self.directions, float(point @ self.normal)

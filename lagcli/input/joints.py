@@ -196,6 +196,8 @@ class Joint:
         body, pairs = side.body, list[tuple[Floats, float]]()
         for k, vector in zip(side.numbers.tolist(), vectors, strict=True):
             own = body.local(k, vector) if is_place else vector @ body.R[k]
+            if not body.masses.holds(own):
+                self._report_undefined(body)
             weights, normal = body.masses.weights(own)
             pairs.append((weights if is_place else own @ body.masses.directions, normal))
         weights = np.array([pair[0] for pair in pairs])
@@ -203,13 +205,6 @@ class Joint:
         if body.names.is_flat:
             self._put({weight(body.names.name, word, "n"): np.array([pair[1] for pair in pairs])})
         return Writer(None, side.indices).point(body.names, word)
-
-    def again(self, side: Side, word: str) -> tree.Node:
-        """A point or direction that was written before."""
-        word = f"{self._base}.{word}"
-        if side.body is None:
-            return tree.Vector(0, 0, tuple(self.write.name(f"{word}.{axis}") for axis in COMPONENTS))
-        return Writer(None, side.indices).point(side.body.names, word)
 
     def scalar(self, word: str, values: Floats) -> tree.Node:
         """A number (K,) of the joint."""
@@ -222,11 +217,14 @@ class Joint:
         if side.body is None:
             return None
         if not side.body.names.has_directions:
-            word = side.body.names.name
-            message = f"`{word}` has no extent across its axis, so that its turning about it is not defined"
-            self.formulas.report(self.found[self.kind], "rod-spin-undefined", message, "give it a radius")
+            self._report_undefined(side.body)
             return None
         return Writer(None, side.indices).omega(side.body.names)
+
+    def _report_undefined(self, body: PlacedBody) -> None:
+        word = body.names.name
+        message = f"`{word}` has no extent across its axis, so that its turning about it is not defined"
+        self.formulas.report(self.found[self.kind], "rod-spin-undefined", message, "give it a radius")
 
     def velocity(self, side: Side, word: str) -> tree.Node | None:
         """The velocity of a point that was written before, or of the centre; None for the ground."""
@@ -347,6 +345,15 @@ def _together(joint: Joint, pair: tuple[Side, Side], at: Floats) -> None:
     joint.rows(*(joint.write.component(gap, axis) for axis in COMPONENTS))
 
 
+def _on_line(joint: Joint, pair: tuple[Side, Side], at: Floats, n: Floats) -> tree.Node:
+    """(p_b - p_a) . e_1 = (p_b - p_a) . e_2 = 0 with e_1, e_2 across n in the first body; p_b - p_a."""
+    p, q = _ends(joint, pair, at)
+    gap = joint.write.difference(q, p)
+    sides = (joint.along(pair[0], f"e{i}", e) for i, e in enumerate(across(n), 1))
+    joint.rows(*(joint.write.call("dot", gap, side) for side in sides))
+    return gap
+
+
 def _parallel(joint: Joint, pair: tuple[Side, Side], n: Floats, turns: bool) -> None:
     """e_1^a . n^b = e_2^a . n^b = 0; where nothing turns about n, e_1^a . e_2^b = 0 too."""
     e1, e2 = across(n)
@@ -374,11 +381,7 @@ def _sliding(joint: Joint) -> None:
     pair, at, n = joint.pair(), joint.places("at", AT), joint.directions("axis", AXIS)
     if pair is None or at is None or n is None:
         return
-    p, q = _ends(joint, pair, at)
-    e1, e2 = across(n)
-    gap = joint.write.difference(q, p)
-    sides = joint.along(pair[0], "e1", e1), joint.along(pair[0], "e2", e2)
-    joint.rows(*(joint.write.call("dot", gap, side) for side in sides))
+    _on_line(joint, pair, at, n)
     if joint.kind != "point_on_line":
         _parallel(joint, pair, n, turns=joint.kind == "cylindrical")
     joint.finish(pair, at)
@@ -446,15 +449,13 @@ def _distance(joint: Joint) -> None:
     joint.finish(pair, b if pair[1].body is not None else a)
 
 
-def _turning_rate(joint: Joint, pair: tuple[Side, Side], normal: tree.Node) -> tree.Node:
-    """n . (omega_b - omega_a)."""
-    rates = [joint.omega(side) for side in pair]
-    difference = rates[1] if rates[0] is None else joint.write.difference(rates[1] or normal, rates[0])
-    if rates[1] is None:
-        assert rates[0] is not None
-        difference = tree.Sum(0, 0, ((-1, rates[0]),))
-    assert difference is not None
-    return joint.write.call("dot", normal, difference)
+def _less(joint: Joint, vectors: Sequence[tree.Node | None]) -> tree.Node:
+    """The second less the first, either of which may be zero, of the ground."""
+    first, second = vectors
+    if second is None:
+        assert first is not None
+        return tree.Sum(0, 0, ((-1, first),))
+    return second if first is None else joint.write.difference(second, first)
 
 
 def _screw(joint: Joint) -> None:
@@ -463,32 +464,21 @@ def _screw(joint: Joint) -> None:
     pitch = joint.number("pitch", "the way along the axis in one turn")
     if pair is None or at is None or n is None or pitch is None:
         return
-    p, q = _ends(joint, pair, at)
-    e1, e2 = across(n)
-    gap = joint.write.difference(q, p)
-    sides = joint.along(pair[0], "e1", e1), joint.along(pair[0], "e2", e2)
-    joint.rows(*(joint.write.call("dot", gap, side) for side in sides))
+    gap = _on_line(joint, pair, at, n)
     _parallel(joint, pair, n, turns=True)
     normal = joint.along(pair[0], "m", n)
     speeds = [joint.velocity(side, word) for side, word in zip(pair, "pq", strict=True)]
-    slide = _turned_difference(joint, speeds)
+    slide = _less(joint, speeds)
+    omegas = [joint.omega(side) for side in pair]
+    if omegas == [None, None]:
+        return  # that has been reported
     # The point of the first body moves with its turning: at the place of the second it has omega_a x gap more.
-    omega = joint.omega(pair[0])
-    if omega is not None:
-        slide = joint.write.difference(slide, joint.write.call("cross", omega, gap))
+    if omegas[0] is not None:
+        slide = joint.write.difference(slide, joint.write.call("cross", omegas[0], gap))
     lead = joint.scalar("lead", pitch / (2 * np.pi))
-    turn = joint.write.product(lead, _turning_rate(joint, pair, normal))
+    turn = joint.write.product(lead, joint.write.call("dot", normal, _less(joint, omegas)))
     joint.velocity_rows(joint.write.difference(joint.write.call("dot", normal, slide), turn))
     joint.finish(pair, at)
-
-
-def _turned_difference(joint: Joint, vectors: Sequence[tree.Node | None]) -> tree.Node:
-    """The second less the first, either of which may be zero, of the ground."""
-    first, second = vectors
-    if second is None:
-        assert first is not None
-        return tree.Sum(0, 0, ((-1, first),))
-    return second if first is None else joint.write.difference(second, first)
 
 
 def _gear(joint: Joint) -> None:
@@ -538,7 +528,7 @@ def _rack(joint: Joint) -> None:
         return
     ground = Side(None, (), pair[0].numbers)
     normal, way = joint.along(ground, "axis", n), joint.along(ground, "way", u)
-    slide = _turned_difference(joint, [joint.velocity(side, CENTRE) for side in pair])
+    slide = _less(joint, [joint.velocity(side, CENTRE) for side in pair])
     rim = joint.write.product(joint.scalar("radius", radius), joint.write.call("dot", normal, omega))
     joint.velocity_rows(joint.write.difference(joint.write.call("dot", way, slide), rim))
     body = pair[1].body or pair[0].body

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import lagcli
-from tests.helpers import rigid_bodies
+from tests.helpers import in_process, rigid_bodies
 from tests.helpers.rigid_bodies import Body, Row
 
 G = 9.81
@@ -168,7 +170,9 @@ bodies:
   link[i]:
     {for: "i = 1..N", mass: 0.7, inertia: [0.001, 0.02, 0.02], center: ["(i - 1/2)*L", 0, 0],
      points: {tip: [L/2, 0, 0]}}
-forces: {weight: {to: all, force: [0, 0, -m*g]}}
+forces:
+  weight: {to: all, force: [0, 0, -m*g]}
+  wind[i]: {for: "i = 2..N", to: "link[i].tip", force: [0, "0.1*i", 0]}
 joints:
   hinge: {revolute: [ground, "link[1]"], at: [0, 0, 0], axis: [0, 1, 0]}
   pin[i]: {for: "i = 2..N", spherical: ["link[i-1]", "link[i]"], at: ["(i-1)*L", 0, 0]}
@@ -180,8 +184,10 @@ simulation: {duration: 0.4, samples: 5}
 def test_a_family_is_as_bodies_of_their_own() -> None:
     one = CHAIN.split("bodies:")[0] + "bodies:\n"
     for i in (1, 2, 3):
-        one += f"  l{i}: {{mass: 0.7, inertia: [0.001, 0.02, 0.02], center: [{(i - 0.5) * 0.5}, 0, 0]}}\n"
-    one += "forces: {weight: {to: all, force: [0, 0, -m*g]}}\njoints:\n"
+        one += f"  l{i}: {{mass: 0.7, inertia: [0.001, 0.02, 0.02], center: [{(i - 0.5) * 0.5}, 0, 0],"
+        one += " points: {tip: [0.25, 0, 0]}}\n"
+    one += "forces:\n  weight: {to: all, force: [0, 0, -m*g]}\n"
+    one += "  w2: {to: l2.tip, force: [0, 0.2, 0]}\n  w3: {to: l3.tip, force: [0, 0.3, 0]}\njoints:\n"
     one += "  hinge: {revolute: [ground, l1], at: [0, 0, 0], axis: [0, 1, 0]}\n"
     one += "  p2: {spherical: [l1, l2], at: [0.5, 0, 0]}\n  p3: {spherical: [l2, l3], at: [1.0, 0, 0]}\n"
     one += "simulation: {duration: 0.4, samples: 5}\n"
@@ -284,7 +290,7 @@ def test_a_pinion_drives_its_rack() -> None:
     assert abs(run["bar.vx"][-1]) == pytest.approx(0.1 * rate, rel=1e-9)
 
 
-def test_reactions_that_are_not_unique_are_left_out(tmp_path, capsys) -> None:
+def test_reactions_that_are_not_unique_are_left_out(tmp_path: Path) -> None:
     """A door on two hinges: forces along the axis, and torques across it, may pass from one to the other."""
     text = """
 lagcli: 1
@@ -302,6 +308,78 @@ simulation: {duration: 0.1, samples: 2}
     told = " ".join(run.notes)
     assert "force.*.z of low, high is not unique" in told
     assert "torque.*.z" not in told
+    (tmp_path / "door.yaml").write_text(text)
+    out, err, code = in_process.run("simulate", tmp_path / "door.yaml")
+    header = out.partition("\n")[0].split(",")
+    assert code == 0
+    assert [name for name in header if name.startswith(("force.", "torque."))] == [
+        "torque.low.z",
+        "torque.high.z",
+    ]
+    assert "force.*.z of low, high is not unique" in err
+    asked = in_process.run("simulate", tmp_path / "door.yaml", "--columns", "force.low.z,force.high.z")[0]
+    assert np.loadtxt(asked.splitlines()[1:], delimiter=",").sum(axis=1) == pytest.approx([98.1, 98.1])
+
+
+PLANAR = """
+lagcli: 1
+bodies: {"part[i]": {for: "i = 1..2", mass: 2, inertia: [0.1, 0.2, 0.2], center: [i, i, 0], planar: true}}
+forces: {push: {to: "part[2]", force: [0, 3, 4]}}
+simulation: {duration: 1, samples: 2}
+"""
+
+
+def test_a_planar_body_keeps_its_plane() -> None:
+    for name, members in (("part[i]", "1..2"), ("part[i+1]", "0..1")):
+        text = PLANAR.replace("part[i]", name).replace("1..2", members).replace("[i, i, 0]", "[1, 1, 0]")
+        model = lagcli.loads(text)
+        run = lagcli.simulate(model)
+        assert lagcli.dof(model).velocity_dof == 6
+        assert run["part[2].y"] == pytest.approx([1, 1])
+        assert run["part[2].vz"] == pytest.approx([0, 2])
+        held = sum(run[f"lambda.part.planar.{k}[2]"] for k in (1, 2, 3))
+        assert held == pytest.approx([-3, -3])
+
+
+ROD = """
+lagcli: 1
+bodies: {rod: {shape: {rod: {mass: 2, length: 1}}, center: [0.5, 0, 0], points: {end: [0.5, 0, 0]}}}
+forces: {weight: {to: all, force: [0, 0, -m*9.81]}}
+joints: {pin: {spherical: [ground, rod], at: [0, 0, 0]}}
+simulation: {duration: 0.1, samples: 2}
+"""
+
+
+def test_a_thin_rod_swings_and_has_no_directions_across_it() -> None:
+    run = lagcli.simulate(lagcli.loads(ROD))
+    assert run["force.pin.z"][0] == pytest.approx(2 * 9.81 / 4)
+    for old, new in (
+        (
+            "spherical: [ground, rod], at: [0, 0, 0]",
+            "revolute: [ground, rod], at: [0, 0, 0], axis: [0, 1, 0]",
+        ),
+        (
+            "spherical: [ground, rod], at: [0, 0, 0]",
+            "screw: [ground, rod], at: [0, 0, 0], axis: [1, 0, 0], pitch: 1",
+        ),
+        ("at: [0, 0, 0]", "at: [0, 0, 0.1]"),
+        ("end: [0.5, 0, 0]", "end: [0.5, 0.1, 0]"),
+        ("to: all, force: [0, 0, -m*9.81]", "to: rod, torque: [0, 0, 1]"),
+    ):
+        assert old in ROD
+        with pytest.raises(lagcli.ModelError) as caught:
+            lagcli.loads(ROD.replace(old, new))
+        assert {found.code for found in caught.value.diagnostics} == {"rod-spin-undefined"}
+
+
+def test_m_is_nobodys_in_a_torque_between_bodies() -> None:
+    named = GEARS.replace("lagcli: 1\n", "lagcli: 1\nparameters: {m: 0.2}\n").replace(
+        "0, 0, 0.2]}", "0, 0, m]}"
+    )
+    assert named != GEARS
+    with pytest.raises(lagcli.ModelError) as caught:
+        lagcli.loads(named)
+    assert [found.code for found in caught.value.diagnostics] == ["shadowed-name"]
 
 
 @pytest.mark.parametrize(
